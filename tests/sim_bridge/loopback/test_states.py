@@ -9,11 +9,11 @@ import pytest
 
 from sim_bridge.loopback.codec import message_types
 from sim_bridge.loopback.handshake import ANAFI
-from tests.sim_bridge.loopback.loopback_world import STEP_S, Bench
+from tests.sim_bridge.loopback.loopback_world import Bench
 
 SOURCE = "skyctrl.CoPilotingState.pilotingSource"
-TAKE = "skyctrl.CoPiloting.setPilotingSource"
 TILT = "ardrone3.PilotingSettingsState.MaxTiltChanged"
+BATTERY = "common.CommonState.BatteryStateChanged"
 
 
 @pytest.fixture
@@ -21,26 +21,14 @@ def bench() -> Bench:
     return Bench()
 
 
-@pytest.fixture
-def remote() -> Bench:
-    return Bench(remote=True)
-
-
 def test_a_newcomer_gets_all_states_then_all_settings(bench: Bench) -> None:
     bench.send("common.Common.AllStates")
     states = bench.names()
     assert states[-1] == "common.CommonState.AllStatesChanged"
-    assert {
-        "ardrone3.PilotingState.FlyingStateChanged",
-        "ardrone3.PilotingState.AttitudeChanged",
-        "common.CommonState.BatteryStateChanged",
-        "gimbal.absolute_attitude_bounds",
-        "battery.alert",
-        "rth.state",
-        "camera.camera_capabilities",
-        "mediastore.state",
-        "user_storage.info",
-    } <= set(states)
+    assert {"ardrone3.PilotingState.AttitudeChanged", BATTERY, "rth.state"} <= set(states)
+    flags = bench.values("battery.alert", "list_flags")
+    assert flags == [{"First"}, *[set()] * (len(flags) - 2), {"Last"}]
+    assert bench.values("camera.photo_capabilities", "list_flags") == [{"First", "Last"}]
     bench.events.clear()
     bench.send("common.Settings.AllSettings")
     settings = bench.names()
@@ -48,24 +36,16 @@ def test_a_newcomer_gets_all_states_then_all_settings(bench: Bench) -> None:
     assert {TILT, "ardrone3.GPSSettingsState.HomeChanged"} <= set(settings)
     assert not set(settings) & set(states)
     assert all(message_types()[name].event for name in states + settings)
-    serial = "".join(
+    serial = [
         bench.values(f"common.SettingsState.ProductSerial{half}Changed", half.lower())[0]
         for half in ("High", "Low")
-    )
-    assert serial == ANAFI.serial
-
-
-def test_the_ends_of_a_list_are_flagged(bench: Bench) -> None:
-    bench.send("common.Common.AllStates")
-    flags = bench.values("battery.alert", "list_flags")
-    assert flags == [{"First"}, *[set()] * (len(flags) - 2), {"Last"}]
-    assert bench.values("camera.photo_capabilities", "list_flags") == [{"First", "Last"}]
+    ]
+    assert "".join(serial) == ANAFI.serial
 
 
 def test_states_are_sent_once_until_they_change(bench: Bench) -> None:
     bench.run(2.0)
-    assert bench.flying_states() == []
-    assert bench.values("common.CommonState.BatteryStateChanged") == []
+    assert bench.flying_states() == bench.values(BATTERY) == []
 
 
 @pytest.mark.parametrize(
@@ -77,12 +57,6 @@ def test_states_are_sent_once_until_they_change(bench: Bench) -> None:
         ("ardrone3.PilotingSettings.MaxTilt", {"current": math.nan}, TILT, {"current": 20.0}),
         ("rth.set_delay", {"delay": 500}, "rth.delay", {"delay": 120}),
         ("rth.set_min_altitude", {"altitude": 25.0}, "rth.min_altitude", {"current": 25.0}),
-        (
-            "ardrone3.PilotingSettings.BankedTurn",
-            {"value": 0},
-            "ardrone3.PilotingSettingsState.BankedTurnChanged",
-            {"state": 0},
-        ),
         (
             "ardrone3.PilotingSettings.SetMotionDetectionMode",
             {"enable": 0},
@@ -96,22 +70,10 @@ def test_states_are_sent_once_until_they_change(bench: Bench) -> None:
             {"current_pitch": 180.0, "current_yaw": 0.0},
         ),
         (
-            "camera.set_camera_mode",
-            {"cam_id": 0, "value": "photo"},
-            "camera.camera_mode",
-            {"mode": "photo"},
-        ),
-        (
             "camera.set_style_params",
             {"cam_id": 0, "saturation": 9, "contrast": 1, "sharpness": 0},
             "camera.style",
             {"saturation": 2, "contrast": 1},
-        ),
-        (
-            "common.Common.CurrentDateTime",
-            {"datetime": "20260102T030405+0000"},
-            "common.CommonState.CurrentDateTimeChanged",
-            {"datetime": "20260102T030405+0000"},
         ),
     ],
 )
@@ -139,15 +101,12 @@ def test_a_reset_brings_the_first_settings_back(bench: Bench) -> None:
         ("camera.set_camera_mode", {"cam_id": 1, "value": "photo"}),
         ("camera.take_photo", {"cam_id": 1}),
         ("gimbal.reset_orientation", {"gimbal_id": 1}),
-        ("gimbal.set_max_speed", {"gimbal_id": 2, "yaw": 0.0, "pitch": 10.0, "roll": 0.0}),
     ],
 )
 def test_a_command_of_another_camera_or_gimbal_changes_nothing(
     bench: Bench, command: str, values: dict[str, Any]
 ) -> None:
     bench.world.point(-0.5)
-    bench.run(1.0)
-    bench.events.clear()
     bench.send(command, **values)
     assert bench.events == []
     bench.run(1.0)
@@ -175,29 +134,29 @@ def test_what_is_not_answered_changes_nothing_and_is_named_once(
     assert line.startswith(f"{command} is not answered by the loopback")
 
 
-def test_a_remote_control_says_that_it_has_a_drone_and_forwards_the_rest(remote: Bench) -> None:
+def test_a_remote_control_says_that_it_has_a_drone_and_forwards_the_rest() -> None:
+    remote = Bench(remote=True)
     remote.send("skyctrl.Common.AllStates")
     remote.send("skyctrl.Settings.AllSettings")
     assert remote.names()[-1] == "skyctrl.SettingsState.AllSettingsChanged"
     (link,) = remote.values("drone_manager.connection_state")
     assert (link["state"], link["serial"]) == ("connected", ANAFI.serial)
-    assert remote.values(SOURCE) == [{"source": "SkyController"}]
     assert not [name for name in remote.names() if name.startswith(("ardrone3", "common"))]
     remote.send("common.Common.AllStates")
     assert "ardrone3.PilotingState.FlyingStateChanged" in remote.names()
     remote.send("mapper.grab", buttons=3, axes=1)
-    assert remote.values("mapper.grab_state")[1:] == [{"buttons": 3, "axes": 1, "buttons_state": 0}]
+    assert remote.values("mapper.grab_state")[1] == {"buttons": 3, "axes": 1, "buttons_state": 0}
     remote.events.clear()
     remote.run(1.0)
-    attitudes = remote.values("skyctrl.SkyControllerState.AttitudeChanged")
-    assert len(attitudes) == pytest.approx(0.8 / STEP_S / 2.5, abs=5)
+    assert len(remote.values("skyctrl.SkyControllerState.AttitudeChanged")) in range(15, 21)
 
 
-def test_a_clients_sticks_count_only_while_it_has_them(remote: Bench) -> None:
+def test_a_clients_sticks_count_only_while_it_has_them() -> None:
+    remote = Bench(remote=True)
     remote.fly()
     remote.sticks(1.0, pitch=50)
     assert remote.state.north_m == pytest.approx(0.0, abs=1e-3)
-    remote.send(TAKE, source="Controller")
+    remote.send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
     remote.sticks(1.0, pitch=50)
     assert remote.state.north_m > 0.1
     remote.firmware.disconnected()

@@ -1,81 +1,57 @@
-"""The twin as the body of a loopback ANAFI, and its camera."""
+"""The twin as the body of a loopback ANAFI, its camera, and places on earth."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
 
 import pytest
 
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.world import WorldState
+from sim_bridge.loopback.world import HOME, location, offset_m
 from sim_bridge.twin.profile import Profile
-from tests.sim_bridge.loopback.loopback_world import twin_world
+from tests.sim_bridge.loopback.loopback_world import Bench
 from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError
-from uav_bt.types import FlyingState, Land, MoveBy, MovementState, TakeOff, Velocity
-
-
-class Stepped:
-    """The body in the open field, whose physics is advanced by the test."""
-
-    def __init__(self) -> None:
-        self.world, self.clock = twin_world()
-
-    def until(self, reached: Callable[[WorldState], bool], limit_s: float = 20.0) -> WorldState:
-        for _ in range(round(limit_s / 0.02)):
-            self.clock.advance(0.02)
-            self.world.catch_up()
-            if reached(self.world.state()):
-                return self.world.state()
-        raise AssertionError(f"not within {limit_s} s: {self.world.state()}")
-
-    def until_moved(self) -> WorldState:
-        return self.until(
-            lambda state: state.movement is not None and state.movement.state is MovementState.DONE,
-            limit_s=9.0,
-        )
-
-    def take_off(self) -> None:
-        self.world.move(TakeOff())
-        self.until(lambda state: state.flying is FlyingState.HOVERING)
+from uav_bt.types import FlyingState, Land, MoveBy, Velocity
 
 
 @pytest.fixture
-def field() -> Stepped:
-    return Stepped()
+def bench() -> Bench:
+    bench = Bench()
+    bench.fly()
+    return bench
 
 
-def test_it_takes_off_moves_and_lands(field: Stepped) -> None:
-    field.take_off()
-    assert field.world.state().altitude_m == pytest.approx(1.0, abs=0.1)
-    field.world.move(MoveBy(id=1, forward_m=12.0, yaw_rad=math.pi / 2))
-    field.world.point(-0.5)  # which does not disturb the movement
-    state = field.until_moved()
+def test_it_moves_points_and_lands(bench: Bench) -> None:
+    bench.world.move(MoveBy(id=1, forward_m=12.0, yaw_rad=math.pi / 2))
+    bench.world.point(-0.5)  # which does not disturb the movement
+    bench.run(9.0)
+    state = bench.state
     assert (state.north_m, state.east_m) == pytest.approx((12.0, 0.0), abs=0.2)
+    assert state.altitude_m == pytest.approx(1.0, abs=0.1)
     assert state.attitude.yaw_rad == pytest.approx(math.pi / 2, abs=0.1)
     assert state.gimbal_pitch_rad == pytest.approx(-0.5, abs=0.02)
-    field.world.move(Land())
-    state = field.until(lambda state: state.flying is FlyingState.LANDED)
-    assert state.altitude_m == pytest.approx(0.0, abs=0.05)
+    bench.world.move(Land())
+    bench.run_until(FlyingState.LANDED)
+    assert bench.state.altitude_m == pytest.approx(0.0, abs=0.05)
 
 
-def test_east_is_right_of_north(field: Stepped) -> None:
-    field.take_off()
-    field.world.move(Velocity(right_mps=1.0))
-    state = field.until(lambda state: state.east_m > 0.5)
-    assert state.north_m == pytest.approx(0.0, abs=0.2)
-    assert state.velocity.right_mps > 0.3
+def test_east_is_right_of_north(bench: Bench) -> None:
+    bench.world.move(Velocity(right_mps=1.0))
+    bench.run(3.0)
+    assert bench.state.east_m > 0.5
+    assert bench.state.north_m == pytest.approx(0.0, abs=0.2)
 
 
-def test_time_that_the_machine_had_not_is_left_out(field: Stepped) -> None:
-    field.clock.advance(3.0)
-    field.world.catch_up()
-    assert field.world.lost_s == pytest.approx(3.0)
-    assert field.world.state().captured_s == pytest.approx(0.0, abs=0.03)
-    field.until(lambda state: state.captured_s >= 0.1, limit_s=0.2)
+def test_time_that_the_machine_had_not_is_left_out(bench: Bench) -> None:
+    before_s = bench.state.captured_s
+    bench.clock.advance(3.0)
+    bench.world.catch_up()
+    assert bench.world.lost_s == pytest.approx(3.0, abs=0.03)
+    bench.run(0.2)
+    assert bench.state.captured_s == pytest.approx(before_s + 0.2, abs=0.03)
 
 
 def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
@@ -97,24 +73,32 @@ def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
         world.state()
 
 
-def test_the_camera_draws_each_picture_once(field: Stepped) -> None:
-    field.take_off()
+@pytest.mark.parametrize("scene", [None, "train-a"])
+def test_the_camera_draws_each_picture_once(scene: str | None) -> None:
+    bench = Bench(scene)
     camera = TwinCamera(
-        field.world, image_size_px=(160, 90), seed=1, clock=field.clock, battery=lambda: 0.5
+        bench.world, image_size_px=(160, 90), seed=1, clock=bench.clock, battery=lambda: 0.5
     )
+    bench.fly()
     try:
         first = camera.newest()
         assert first is not None
         assert first.image.shape == (90, 160, 3)
         assert first.image.std() > 1.0
-        assert first.location is not None
         assert camera.newest() is first
-        field.until(lambda state: state.captured_s > first.captured_s + 0.2)
+        bench.run(0.4)
         second = camera.newest()
         assert second is not None
         assert second.captured_s > first.captured_s
         assert second.battery == 0.5
-        assert second.altitude_m == pytest.approx(1.0, abs=0.1)
+        assert (second.location is None) is (scene is not None)
+        assert second.position_m.down == -second.altitude_m == pytest.approx(-1.0, abs=0.1)
     finally:
         camera.close()
         camera.close()
+
+
+def test_places_and_offsets_are_inverse() -> None:
+    there = location(120.0, -340.0)
+    assert offset_m(there.latitude_deg, there.longitude_deg) == pytest.approx((120.0, -340.0))
+    assert location(0.0, 0.0) == HOME
