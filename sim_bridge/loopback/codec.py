@@ -1,7 +1,8 @@
 """Messages of ARSDK, Parrot's protocol between a drone and its controller.
 
 `messages.txt` lists their numbers, names and types; `tools/arsdk_table.py` writes it. An encoded
-message is its number (project, class, message) and its arguments, little endian.
+message is its number (project, class, message) and its arguments, little endian. Messages with
+arguments of type binary, which only plug-ins of a drone use, are not decoded.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ Values = Mapping[str, Any]  # arguments of a message, by name
 Number = tuple[int, int, int]  # project or feature, class, message
 
 _NUMBER: Final = struct.Struct("<BBH")
-_LENGTH: Final = struct.Struct("<I")
 _KINDS: Final = ("u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "float", "double", "enum")
 _FORMATS: Final = dict(zip(_KINDS, "BbHhIiQqfdi", strict=True))  # of `struct`
 
@@ -33,16 +33,14 @@ class Argument:
     """One argument of a message."""
 
     name: str
-    kind: str  # a number's type, string, binary, enum (one of `names`) or bits (a set of them)
-    layout: str = ""  # format of `struct`, little endian; empty for a string or binary
+    kind: str  # a number's type, string, enum (one of `names`) or bits (a set of them)
+    layout: str = ""  # format of `struct`, little endian; empty for a string
     names: tuple[str, ...] = ()  # of an enum from 0, or of bits from the lowest
 
     def pack(self, value: Any) -> bytes:
         """Return the bytes of a value."""
         if self.kind == "string":
             return bytes(value.encode()) + b"\0"
-        if self.kind == "binary":
-            return _LENGTH.pack(len(value)) + bytes(value)
         if self.kind == "enum":
             value = self.names.index(value)
         elif self.kind == "bits":
@@ -54,12 +52,6 @@ class Argument:
         if self.kind == "string":
             end = payload.index(b"\0", offset)
             return payload[offset:end].decode(), end + 1
-        if self.kind == "binary":
-            (size,) = _LENGTH.unpack_from(payload, offset)
-            offset += _LENGTH.size
-            if offset + size > len(payload):
-                raise ValueError(f"it announces {size} bytes")
-            return payload[offset : offset + size], offset + size
         (value,) = struct.unpack_from(f"<{self.layout}", payload, offset)
         if self.kind == "enum":
             value = dict(enumerate(self.names))[value]

@@ -23,10 +23,7 @@ _LOG = logging.getLogger(__name__)
 
 Handler = Callable[[Values, WorldState], None]  # executes one command
 
-# Commands that the SDK sends to every drone; an ANAFI does not answer them either.
-_OF_THE_SDK: Final = frozenset(
-    {"mission.custom_msg_enable", "generic.custom_cmd", "generic.custom_evt"}
-)
+_OF_THE_SDK: Final = "mission.custom_msg_enable"  # sent to every drone; an ANAFI is silent, too
 
 
 class Anafi:
@@ -96,6 +93,6 @@ class Anafi:
 
     def _warn(self, command: str) -> None:
         """Log a command that is not answered, once: clients continue to poll."""
-        if command not in self._unanswered | _OF_THE_SDK:
+        if command != _OF_THE_SDK and command not in self._unanswered:
             self._unanswered.add(command)
             _LOG.warning("%s is not answered by the loopback: it has no effect", command)

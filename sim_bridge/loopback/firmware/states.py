@@ -23,7 +23,6 @@ Sink = Callable[[bytes, bool], None]  # sends an encoded event; whether it is to
 DEVICES: Final = frozenset({"cam_id", "gimbal_id"})  # arguments; there is only number 0 of each
 
 _SETTINGS: Final = "SettingsState"  # suffix of the classes whose states are settings
-_FLAGS: Final = "list_flags"
 
 
 class States:
@@ -117,12 +116,8 @@ class States:
                 self._send(event)
 
     def _send(self, event: str) -> None:
-        rows = self._rows[event]
-        listed = any(argument.name == _FLAGS for argument in message_types()[event].arguments)
-        for index, row in enumerate(rows):
-            ends = {"First": index == 0, "Last": index == len(rows) - 1}
-            flags = {_FLAGS: {flag for flag, here in ends.items() if here}} if listed else {}
-            self.notify(event, **row, **flags)
+        for row in self._rows[event]:
+            self.notify(event, **row)
 
 
 @cache

@@ -7,46 +7,16 @@ from typing import Any
 
 from sim_bridge.loopback.codec import Message, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
-from sim_bridge.loopback.firmware.camera import Shutter
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
-from sim_bridge.loopback.media import MediaStore, Photo
+from sim_bridge.loopback.media import Card, MediaStore, Photo
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.world import Location, WorldState
+from sim_bridge.loopback.world import WorldState
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.clock import ManualClock
 from uav_bt.types import FlyingState
 
 STEP_S = 0.02
-
-PHOTO = Photo(
-    jpeg=b"\xff\xd8 a photograph \xff\xd9",
-    thumbnail=b"\xff\xd8 small \xff\xd9",
-    size_px=(640, 360),
-    taken_utc_s=1_529_154_916.0,
-    location=Location(latitude_deg=48.0, longitude_deg=2.0, altitude_m=40.0),
-)
-
-
-def taken(photo: Photo | Exception = PHOTO) -> Shutter:
-    """Return a camera that takes this photograph at once, or fails with this error."""
-
-    def shoot() -> Future[Photo]:
-        future: Future[Photo] = Future()
-        if isinstance(photo, Exception):
-            future.set_exception(photo)
-        else:
-            future.set_result(photo)
-        return future
-
-    return shoot
-
-
-def twin_world(scene: str | None = None) -> tuple[TwinWorld, ManualClock]:
-    """Return the body in a shipped scene or the open field, and the clock of its physics."""
-    clock = ManualClock()
-    lab = None if scene is None else load_scene(scene)
-    return TwinWorld(lab, Profile.named("ideal"), 1, clock), clock
 
 
 class Bench:
@@ -57,13 +27,14 @@ class Bench:
         scene: str | None = None,
         *,
         charge: float = 1.0,
-        shoot: Shutter | None = None,
-        media: MediaStore | None = None,
+        card: Card = Card.READY,
         remote: bool = False,
     ) -> None:
-        self.world, self.clock = twin_world(scene)
-        self.media = MediaStore() if media is None else media
-        self.anafi = Anafi(self.world, shoot=shoot or taken(), media=self.media, charge=charge)
+        self.clock, self.media = ManualClock(), MediaStore(card)
+        lab = None if scene is None else load_scene(scene)
+        self.world = TwinWorld(lab, Profile.named("ideal"), 1, self.clock)
+        self.photo: Future[Photo] = Future()  # the photograph that is taken next
+        self.anafi = Anafi(self.world, shoot=lambda: self.photo, media=self.media, charge=charge)
         self.firmware = RemoteControl(self.anafi, self.world) if remote else self.anafi
         self.events: list[Message] = []
         self.connect()
