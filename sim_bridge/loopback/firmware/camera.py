@@ -13,6 +13,7 @@ from sim_bridge.loopback.firmware.states import States
 from sim_bridge.loopback.media import MAX_BYTES, MediaStore, Photo
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.world import WorldState
+from uav_bt.types.pose import clamp
 
 _LOG = logging.getLogger(__name__)
 
@@ -79,9 +80,8 @@ class Camera:
             self._point(pitch_deg)
 
     def _point(self, pitch_deg: float) -> None:
-        lowest_deg = self._states.value("gimbal.absolute_attitude_bounds", "min_pitch")
-        highest_deg = self._states.value("gimbal.absolute_attitude_bounds", "max_pitch")
-        self._world.point(math.radians(max(lowest_deg, min(highest_deg, pitch_deg))))
+        limit_deg = self._states.value("gimbal.absolute_attitude_bounds", "max_pitch")
+        self._world.point(math.radians(clamp(pitch_deg, limit_deg)))
 
     def _take_photo(self, _values: Values, state: WorldState) -> None:
         if self._photo is not None:
