@@ -82,20 +82,18 @@ class TwinWorld:
         self.lost_s = 0.0  # time skipped because the machine was too slow
         self._failure: Exception | None = None
         self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = threading.Thread(target=self._run, name="twin-world", daemon=True)
         self._state = self._measure()
 
     def start(self) -> None:
         """Start the time."""
-        if self._thread is None:
-            self._offset_s = self._clock.now() - self._simulation.now_s
-            self._thread = threading.Thread(target=self._run, name="twin-world", daemon=True)
-            self._thread.start()
+        self._offset_s = self._clock.now() - self._simulation.now_s
+        self._thread.start()
 
     def stop(self) -> None:
         """Stop the time for good; safe to call twice."""
         self._stop.set()
-        if self._thread is not None:
+        if self._thread.is_alive():
             self._thread.join()
 
     def state(self) -> WorldState:

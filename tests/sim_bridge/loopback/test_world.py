@@ -1,51 +1,22 @@
-"""The twin as the body of a loopback ANAFI, its camera, and places on earth."""
+"""The time of a loopback ANAFI's twin, and its camera."""
 
 from __future__ import annotations
 
-import math
 import threading
 
 import pytest
 
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.world import HOME, location, offset_m
 from sim_bridge.twin.profile import Profile
 from tests.sim_bridge.loopback.loopback_world import Bench
 from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError
-from uav_bt.types import FlyingState, Land, MoveBy, Velocity
 
 
-@pytest.fixture
-def bench() -> Bench:
+def test_time_that_the_machine_had_not_is_left_out() -> None:
     bench = Bench()
-    bench.fly()
-    return bench
-
-
-def test_it_moves_points_and_lands(bench: Bench) -> None:
-    bench.world.move(MoveBy(id=1, forward_m=12.0, yaw_rad=math.pi / 2))
-    bench.world.point(-0.5)  # which does not disturb the movement
-    bench.run(9.0)
-    state = bench.state
-    assert (state.north_m, state.east_m) == pytest.approx((12.0, 0.0), abs=0.2)
-    assert state.altitude_m == pytest.approx(1.0, abs=0.1)
-    assert state.attitude.yaw_rad == pytest.approx(math.pi / 2, abs=0.1)
-    assert state.gimbal_pitch_rad == pytest.approx(-0.5, abs=0.02)
-    bench.world.move(Land())
-    bench.run_until(FlyingState.LANDED)
-    assert bench.state.altitude_m == pytest.approx(0.0, abs=0.05)
-
-
-def test_east_is_right_of_north(bench: Bench) -> None:
-    bench.world.move(Velocity(right_mps=1.0))
-    bench.run(3.0)
-    assert bench.state.east_m > 0.5
-    assert bench.state.north_m == pytest.approx(0.0, abs=0.2)
-
-
-def test_time_that_the_machine_had_not_is_left_out(bench: Bench) -> None:
+    bench.run(0.1)
     before_s = bench.state.captured_s
     bench.clock.advance(3.0)
     bench.world.catch_up()
@@ -96,9 +67,3 @@ def test_the_camera_draws_each_picture_once(scene: str | None) -> None:
     finally:
         camera.close()
         camera.close()
-
-
-def test_places_and_offsets_are_inverse() -> None:
-    there = location(120.0, -340.0)
-    assert offset_m(there.latitude_deg, there.longitude_deg) == pytest.approx((120.0, -340.0))
-    assert location(0.0, 0.0) == HOME
