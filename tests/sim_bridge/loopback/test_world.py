@@ -1,10 +1,101 @@
-"""Conversion of metres from home to degrees."""
+"""The twin as the body of a loopback ANAFI, its camera, and places on earth."""
 
 from __future__ import annotations
 
+import math
+import threading
+
 import pytest
 
+from sim_bridge.loopback.twin_camera import TwinCamera
+from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.world import HOME, location, offset_m
+from sim_bridge.twin.profile import Profile
+from tests.sim_bridge.loopback.loopback_world import Bench
+from uav_bt.clock import ManualClock
+from uav_bt.errors import DroneError
+from uav_bt.types import FlyingState, Land, MoveBy, Velocity
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.fly()
+    return bench
+
+
+def test_it_moves_points_and_lands(bench: Bench) -> None:
+    bench.world.move(MoveBy(id=1, forward_m=12.0, yaw_rad=math.pi / 2))
+    bench.world.point(-0.5)  # which does not disturb the movement
+    bench.run(9.0)
+    state = bench.state
+    assert (state.north_m, state.east_m) == pytest.approx((12.0, 0.0), abs=0.2)
+    assert state.altitude_m == pytest.approx(1.0, abs=0.1)
+    assert state.attitude.yaw_rad == pytest.approx(math.pi / 2, abs=0.1)
+    assert state.gimbal_pitch_rad == pytest.approx(-0.5, abs=0.02)
+    bench.world.move(Land())
+    bench.run_until(FlyingState.LANDED)
+    assert bench.state.altitude_m == pytest.approx(0.0, abs=0.05)
+
+
+def test_east_is_right_of_north(bench: Bench) -> None:
+    bench.world.move(Velocity(right_mps=1.0))
+    bench.run(3.0)
+    assert bench.state.east_m > 0.5
+    assert bench.state.north_m == pytest.approx(0.0, abs=0.2)
+
+
+def test_time_that_the_machine_had_not_is_left_out(bench: Bench) -> None:
+    before_s = bench.state.captured_s
+    bench.clock.advance(3.0)
+    bench.world.catch_up()
+    assert bench.world.lost_s == pytest.approx(3.0, abs=0.03)
+    bench.run(0.2)
+    assert bench.state.captured_s == pytest.approx(before_s + 0.2, abs=0.03)
+
+
+def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
+    failed = threading.Event()
+
+    class Broken(ManualClock):
+        def now(self) -> float:
+            if threading.current_thread() is threading.main_thread():
+                return super().now()
+            failed.set()
+            raise RuntimeError("out of memory")
+
+    world = TwinWorld(None, Profile.named("ideal"), 1, Broken())
+    world.start()
+    assert failed.wait(60.0)
+    world.stop()
+    world.stop()
+    with pytest.raises(DroneError, match="the simulation failed: out of memory"):
+        world.state()
+
+
+@pytest.mark.parametrize("scene", [None, "train-a"])
+def test_the_camera_draws_each_picture_once(scene: str | None) -> None:
+    bench = Bench(scene)
+    camera = TwinCamera(
+        bench.world, image_size_px=(160, 90), seed=1, clock=bench.clock, battery=lambda: 0.5
+    )
+    bench.fly()
+    try:
+        first = camera.newest()
+        assert first is not None
+        assert first.image.shape == (90, 160, 3)
+        assert first.image.std() > 1.0
+        assert camera.newest() is first
+        bench.run(0.4)
+        second = camera.newest()
+        assert second is not None
+        assert second.captured_s > first.captured_s
+        assert second.battery == 0.5
+        assert (second.location is None) is (scene is not None)
+        assert second.position_m.down == -second.altitude_m == pytest.approx(-1.0, abs=0.1)
+    finally:
+        camera.close()
+        camera.close()
 
 
 def test_places_and_offsets_are_inverse() -> None:
