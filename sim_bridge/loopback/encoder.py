@@ -40,7 +40,7 @@ class Encoder:
     """
 
     def __init__(self, size_px: tuple[int, int], rate_hz: float) -> None:
-        width, height = self._size_px = size_px
+        width, height = size_px
         if width % 2 or height % 2:
             raise ValueRangeError(f"the video's size must be even, got {width}x{height}")
         try:
@@ -72,35 +72,24 @@ class Encoder:
         self._codec = codec
 
     def encode(
-        self, image: NDArray[np.uint8], captured_s: float, *, key: bool = False
+        self, image: NDArray[np.uint8], captured_s: float, *, key: bool
     ) -> tuple[bytes, ...]:
         """Return a frame as NAL units.
 
         Args:
-            image: (H, W, 3) uint8 RGB; resized to the size of the video.
+            image: (H, W, 3) uint8 RGB, of the size of the video.
             captured_s: capture time, s of a monotonic clock.
-            key: force a key frame.
+            key: whether to force a key frame.
         """
-        if image.shape[1::-1] != self._size_px:
-            smaller = self._size_px[0] < image.shape[1]
-            how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-            image = np.asarray(cv2.resize(image, self._size_px, interpolation=how), np.uint8)
         # BT.601 of limited range, as OpenCV uses in both directions.
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
         frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts = round(captured_s * CLOCK_HZ)
         frame.time_base = Fraction(1, CLOCK_HZ)
         frame.pict_type = PictureType.I if key else PictureType.NONE
-        return split_nals(b"".join(bytes(packet) for packet in self._codec.encode(frame)))
-
-
-def split_nals(stream: bytes) -> tuple[bytes, ...]:
-    """Return the NAL units between start codes.
-
-    A unit never ends with a zero byte; such zeros belong to the next start code.
-    """
-    units = (unit.rstrip(b"\x00") for unit in stream.split(_START_CODE)[1:])
-    return tuple(unit for unit in units if unit)
+        stream = b"".join(bytes(packet) for packet in self._codec.encode(frame))
+        # A unit never ends with a zero byte; such zeros belong to the next start code.
+        return tuple(unit.rstrip(b"\x00") for unit in stream.split(_START_CODE)[1:])
 
 
 def nal_type(unit: bytes) -> int:
@@ -117,5 +106,6 @@ def parameter_sets(size_px: tuple[int, int], rate_hz: float) -> tuple[bytes, byt
     """Return the sequence and the picture parameter set of all streams of this size and rate."""
     width, height = size_px
     black = np.zeros((height, width, 3), np.uint8)
-    units = {nal_type(unit): unit for unit in Encoder(size_px, rate_hz).encode(black, 0.0)}
+    nals = Encoder(size_px, rate_hz).encode(black, 0.0, key=True)
+    units = {nal_type(unit): unit for unit in nals}
     return units[_SPS], units[_PPS]

@@ -52,7 +52,7 @@ class Photo:
 
 
 class MediaStore:
-    """Photographs on the drone's memory card; listeners are notified of each change.
+    """Photographs on the drone's memory card; listeners are notified of each new one.
 
     Args:
         card: state of the memory card.
@@ -60,7 +60,6 @@ class MediaStore:
 
     def __init__(self, card: Card = Card.READY) -> None:
         self._card = card
-        self._count = 0
         self._listeners: list[Listener] = []
         self.media: dict[str, Json] = {}  # entries of the list, by id, oldest first
         self.files: dict[str, bytes] = {}  # JPEGs by path
@@ -75,21 +74,16 @@ class MediaStore:
         return self._card is Card.ABSENT
 
     @property
-    def free_bytes(self) -> int:
-        """The size of what still fits."""
-        used_bytes = sum(medium["size"] for medium in self.media.values())
-        return max(0, MAX_BYTES - used_bytes) if self._card is Card.READY else 0
-
-    @property
     def full(self) -> bool:
         """Whether another photograph would not fit."""
-        return self.free_bytes == 0
+        used_bytes = sum(medium["size"] for medium in self.media.values())
+        return self._card is not Card.READY or used_bytes >= MAX_BYTES
 
     def add(self, photo: Photo) -> str:
         """Store a photograph and return the id of its medium."""
-        self._count += 1
-        media_id = str(_FIRST_ID + self._count)
-        name = f"{media_id}{self._count:04d}.JPG"
+        number = len(self.media) + 1
+        media_id = str(_FIRST_ID + number)
+        name = f"{media_id}{number:04d}.JPG"
         url, thumbnail = f"/data/media/{name}", f"/data/thumb/{name}"
         shared = {
             "media_id": media_id,
@@ -116,16 +110,8 @@ class MediaStore:
         self._tell("resource_created", resource=resource)
         return media_id
 
-    def format(self) -> None:
-        """Delete all files of the card, those that are not listed included."""
-        if self._card is Card.FULL:
-            self._card = Card.READY
-        self.media.clear()
-        self.files.clear()
-        self._tell("all_media_removed")
-
     def subscribe(self, listener: Listener) -> Callable[[], None]:
-        """Notify a listener of all changes from now on; return the function that ends this."""
+        """Notify a listener of all new ones from now on; return the function that ends this."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -26,9 +26,9 @@ from uav_bt.types import Attitude, FlyingState
 class NorthEastDown(NamedTuple):
     """A vector in the frame north, east, down: metres, or metres per second."""
 
-    north: float = 0.0
-    east: float = 0.0
-    down: float = 0.0
+    north: float
+    east: float
+    down: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +38,16 @@ class VideoFrame:
     image: NDArray[np.uint8]  # (H, W, 3), RGB
     captured_s: float  # capture time by the server's monotonic clock; differs for each frame
     captured_utc_s: float  # capture time since the epoch
-    attitude: Attitude = field(default_factory=Attitude)  # body; yaw clockwise from north
-    camera: Attitude = field(default_factory=Attitude)  # camera view, in the same frame
-    velocity_mps: NorthEastDown = field(default_factory=NorthEastDown)
-    position_m: NorthEastDown = field(default_factory=NorthEastDown)  # from the take-off point
-    location: Location | None = None
-    altitude_m: float = 0.0  # above the take-off point
-    height_m: float = 0.0  # above the surface below
-    battery: float = 1.0  # 0 to 1
-    flying: FlyingState = FlyingState.LANDED
-    fov_rad: tuple[float, float] = (0.0, 0.0)  # horizontal, vertical; 0: unknown
+    attitude: Attitude  # body; yaw clockwise from north
+    camera: Attitude  # camera view, in the same frame
+    velocity_mps: NorthEastDown
+    position_m: NorthEastDown  # from the take-off point
+    location: Location | None
+    altitude_m: float  # above the take-off point
+    height_m: float  # above the surface below
+    battery: float  # 0 to 1
+    flying: FlyingState
+    fov_rad: tuple[float, float]  # horizontal, vertical
 
 
 _UTC_ACCURACY_US: Final = 1_000  # 0 would mean that the time is not valid

@@ -88,7 +88,7 @@ def _upgrade(key: str) -> bytes:
 async def _notify(
     media: MediaStore, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
 ) -> None:
-    """Send all changes of the media, and answer pings, until the client closes the websocket."""
+    """Tell of new photographs, and answer pings, until the client closes the websocket."""
 
     def tell(event: Json) -> None:
         data = json.dumps(event).encode()

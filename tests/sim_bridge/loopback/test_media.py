@@ -20,11 +20,11 @@ from sim_bridge.loopback.web import serve_web
 from sim_bridge.loopback.world import Location
 from sim_bridge.olympe.media import fetch_photo
 from tests.sim_bridge.loopback.video_client import (
+    FRAME,
     HOST,
     PATIENCE_S,
     assert_quadrants,
     asynchronous,
-    frame_at,
 )
 from uav_bt.errors import DroneError
 
@@ -155,7 +155,7 @@ def test_a_photograph_shows_what_the_camera_sees() -> None:
         threads.append(threading.get_ident())
         return frame
 
-    photographer = Photographer(lambda: seen(frame_at(1.0)), seen)
+    photographer = Photographer(lambda: seen(FRAME), seen)
     photo = photographer.shoot().result(PATIENCE_S)
     photographer.close()
     photographer.close()
@@ -164,7 +164,8 @@ def test_a_photograph_shows_what_the_camera_sees() -> None:
         assert shown is not None
         assert shown.shape[1::-1] == size_px
         assert_quadrants(shown)
-    assert (photo.size_px, photo.taken_utc_s, photo.location) == ((64, 48), 1.7e9, None)
+    assert photo.size_px == (64, 48)
+    assert (photo.taken_utc_s, photo.location) == (FRAME.captured_utc_s, FRAME.location)
     assert len(threads) == 2
     assert len({*threads, threading.get_ident()}) == 2
 

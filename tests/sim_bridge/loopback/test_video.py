@@ -231,9 +231,10 @@ async def test_garbage_on_the_port_does_no_harm(
 
 @asynchronous
 async def test_a_silent_client_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video, "SESSION_TIMEOUT_S", 0.3)
     async with serving() as server, visiting(server) as client:
         await client.play()
+        monkeypatch.setattr(video, "SESSION_TIMEOUT_S", 0.01)  # of the waits after the next answer
+        await client.ask("GET_PARAMETER")
         assert await client.goodbye()
 
 

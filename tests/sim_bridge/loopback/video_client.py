@@ -6,15 +6,17 @@ import asyncio
 import struct
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.loopback.metadata import VideoFrame
+from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
 from sim_bridge.loopback.video import VideoServer
+from sim_bridge.loopback.world import Location
+from uav_bt.types import Attitude, FlyingState
 
 PATIENCE_S = 60.0  # timeout of a test, also on a busy machine, s
 SIZE_PX = (64, 48)
@@ -25,9 +27,9 @@ COLOURS = ((200, 30, 60), (30, 60, 210), (20, 180, 90), (240, 220, 20))
 NOW_S = 100.0  # constant time of the server's clock
 
 
-def quadrants(size_px: tuple[int, int] = SIZE_PX) -> NDArray[np.uint8]:
+def quadrants() -> NDArray[np.uint8]:
     """Return an image of four colours, which shows mirroring and swapped channels."""
-    width, height = size_px
+    width, height = SIZE_PX
     corners = np.array(COLOURS, np.uint8).reshape(2, 2, 3)
     return corners.repeat(height // 2, axis=0).repeat(width // 2, axis=1)
 
@@ -60,9 +62,26 @@ class Pictures:
         return frame_at(NOW_S + self.asked / 30.0)
 
 
+FRAME = VideoFrame(
+    image=quadrants(),
+    captured_s=12.5,
+    captured_utc_s=1_700_000_000.25,
+    attitude=Attitude(roll_rad=0.1, pitch_rad=-0.2, yaw_rad=1.5),
+    camera=Attitude(pitch_rad=-0.5, yaw_rad=1.5),
+    velocity_mps=NorthEastDown(north=1.0, east=2.0, down=-0.5),
+    position_m=NorthEastDown(north=3.0, east=-4.0, down=-1.5),
+    location=Location(latitude_deg=48.8789, longitude_deg=2.36778, altitude_m=100.0),
+    altitude_m=1.5,
+    height_m=1.25,
+    battery=0.87,
+    flying=FlyingState.HOVERING,
+    fov_rad=(1.25, 0.75),
+)
+
+
 def frame_at(captured_s: float) -> VideoFrame:
-    """Return the frame of four colours."""
-    return VideoFrame(image=quadrants(), captured_s=captured_s, captured_utc_s=1.7e9)
+    """Return the frame of four colours with another time."""
+    return replace(FRAME, captured_s=captured_s)
 
 
 @asynccontextmanager
