@@ -26,13 +26,14 @@ class Bench:
         self,
         scene: str | None = None,
         *,
+        profile: str = "ideal",
         charge: float = 1.0,
         card: Card = Card.READY,
         remote: bool = False,
     ) -> None:
         self.clock, self.media = ManualClock(), MediaStore(card)
         lab = None if scene is None else load_scene(scene)
-        self.world = TwinWorld(lab, Profile.named("ideal"), 1, self.clock)
+        self.world = TwinWorld(lab, Profile.named(profile), 1, self.clock)
         self.photo: Future[Photo] = Future()  # the photograph that is taken next
         self.anafi = Anafi(self.world, shoot=lambda: self.photo, media=self.media, charge=charge)
         self.firmware = RemoteControl(self.anafi, self.world) if remote else self.anafi
