@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 from sim_bridge.loopback.firmware.anafi import Anafi
@@ -50,7 +50,6 @@ class LoopbackDrone:
     """
 
     def __init__(self, setup: DroneSetup) -> None:
-        self._setup = setup
         clock, media = WallClock(), MediaStore(card=setup.card)
         self.world = TwinWorld(setup.scene, setup.profile, setup.seed, clock)
 
@@ -69,7 +68,6 @@ class LoopbackDrone:
             self.world, shoot=self._photographer.shoot, media=media, charge=setup.charge
         )
         firmware = RemoteControl(anafi, self.world) if setup.skycontroller else anafi
-        self._server = LoopbackServer(firmware, media, address=setup.address, ports=setup.ports)
         self._video: VideoServer | None = None
         if setup.video:
             self._video = VideoServer(
@@ -81,12 +79,14 @@ class LoopbackDrone:
                 now=clock.now,
                 finish=film.close,
             )
+        self._server = LoopbackServer(
+            firmware, media, self._video, address=setup.address, ports=setup.ports
+        )
 
     @property
     def ports(self) -> Ports:
         """The ports that are bound."""
-        ports = self._server.ports
-        return ports if self._video is None else replace(ports, rtsp=self._video.port)
+        return self._server.ports
 
     def video_stats(self) -> VideoStats | None:
         """Return the statistics of the video; None without a video."""
@@ -95,8 +95,6 @@ class LoopbackDrone:
     async def start(self) -> None:
         """Bind the ports and start the simulation; PortTakenError if a port cannot be used."""
         try:
-            if self._video is not None:
-                await self._video.start(self._setup.address, self._setup.ports.rtsp)
             self.world.start()
             await self._server.start()
         except BaseException:
@@ -123,8 +121,6 @@ class LoopbackDrone:
     async def close(self) -> None:
         """Disconnect and stop; safe to call twice."""
         await self._server.close()
-        if self._video is not None:
-            await self._video.close()
         await asyncio.to_thread(self._photographer.close)
         self.world.stop()
 

@@ -13,7 +13,6 @@ from sim_bridge.loopback.encoder import CLOCK_HZ
 from sim_bridge.loopback.rtp import PAYLOAD_TYPE
 
 CONTROL: Final = "stream=0"  # last part of the URL of the medium
-MAX_REQUEST_BYTES: Final = 8192
 
 _VERSION: Final = "RTSP/1.0"
 _MAX_PORT: Final = 65_535
@@ -66,7 +65,7 @@ async def read_request(reader: asyncio.StreamReader) -> Request:
     try:
         head = first + await reader.readuntil(b"\r\n\r\n")
     except asyncio.LimitOverrunError as error:
-        raise RtspError(400, f"a request has at most {MAX_REQUEST_BYTES} bytes") from error
+        raise RtspError(400, "the request is too long") from error
     lines = head.decode("latin-1").rstrip().split("\r\n")
     words = lines[0].split(" ")
     if len(words) != 3 or words[2] != _VERSION:

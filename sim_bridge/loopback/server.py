@@ -1,4 +1,4 @@
-"""Network server of a loopback ANAFI: discovery, command link and web server."""
+"""Network server of a loopback ANAFI: discovery, command link, web server and video."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from sim_bridge.loopback.handshake import (
 )
 from sim_bridge.loopback.link import Link
 from sim_bridge.loopback.media import MediaStore
+from sim_bridge.loopback.video import VideoServer
 from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
 
 _LOG = logging.getLogger(__name__)
@@ -50,10 +51,17 @@ class LoopbackServer(asyncio.DatagramProtocol):
     """Serves one client of a drone or of its remote control: `start`, `wait`, `close`."""
 
     def __init__(
-        self, firmware: Anafi | RemoteControl, media: MediaStore, *, address: str, ports: Ports
+        self,
+        firmware: Anafi | RemoteControl,
+        media: MediaStore,
+        video: VideoServer | None = None,
+        *,
+        address: str,
+        ports: Ports,
     ) -> None:
         self._firmware = firmware
         self._media = media
+        self._video = video
         self._address = address
         self.ports = ports  # the bound ports after `start`
         self._client: _Client | None = None
@@ -73,6 +81,10 @@ class LoopbackServer(asyncio.DatagramProtocol):
         http = await self._listen(wanted.http, "http", web)
         if isinstance(self._firmware, RemoteControl) and wanted.http:
             await self._listen(wanted.http + _DRONE_BEHIND, "http", web)
+        rtsp = wanted.rtsp
+        if self._video is not None:
+            await self._video.open(self._address)
+            rtsp = await self._listen(rtsp, "video", self._video.serve)
         loop = asyncio.get_running_loop()
         try:
             self._udp, _ = await loop.create_datagram_endpoint(
@@ -82,7 +94,7 @@ class LoopbackServer(asyncio.DatagramProtocol):
             raise port_error(error, self._address, wanted.commands, "command") from error
         commands = self._udp.get_extra_info("sockname")[1]
         self.ports = replace(
-            wanted, discovery=discovery, control=control, commands=commands, http=http
+            wanted, discovery=discovery, control=control, commands=commands, http=http, rtsp=rtsp
         )
         self._updates = asyncio.create_task(self._update())
         self._tasks.add(self._updates)
@@ -102,6 +114,8 @@ class LoopbackServer(asyncio.DatagramProtocol):
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        if self._video is not None:
+            await self._video.close()
 
     async def _listen(self, port: int, what: str, service: Service) -> int:
         """Serve the connections of a TCP port; return its number."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import re
 import struct
 from collections.abc import Callable, Iterable, Mapping
@@ -12,11 +11,10 @@ from secrets import token_hex
 from typing import Final
 
 from sim_bridge.loopback.encoder import parameter_sets
-from sim_bridge.loopback.handshake import PortTakenError, port_error
+from sim_bridge.loopback.handshake import PortTakenError
 from sim_bridge.loopback.metadata import VideoFrame
 from sim_bridge.loopback.rtsp import (
     CONTROL,
-    MAX_REQUEST_BYTES,
     Request,
     RtspError,
     answer,
@@ -26,8 +24,6 @@ from sim_bridge.loopback.rtsp import (
     refusal,
 )
 from sim_bridge.loopback.streamer import Player, Sink, Streamer
-
-_LOG: Final = logging.getLogger(__name__)
 
 DIRECT_MEDIUM: Final = "Front camera"  # name of the video over the drone's Wi-Fi
 REMOTE_MEDIUM: Final = "DefaultVideo"  # name of the video through a remote control, as reported
@@ -41,7 +37,7 @@ _PAIR_TRIES: Final = 20  # tries to find an even port with a free neighbour
 
 
 class VideoServer:
-    """Serves video at rtsp://HOST:PORT/live, as an ANAFI does: `start`, `close`.
+    """Serves video at rtsp://HOST:PORT/live, as an ANAFI does: `open`, `serve`, `close`.
 
     Frames are fetched and encoded only while a client plays. All clients share one encoder. A
     client chooses whether it is sent UDP packets or packets on its RTSP connection.
@@ -76,51 +72,13 @@ class VideoServer:
         self.streamer = Streamer(newest, size_px=size_px, rate_hz=rate_hz, now=now, finish=finish)
         self.serial, self.media_name, self.now = serial, media_name, now
         self.udp: tuple[asyncio.DatagramTransport, ...] = ()  # sockets of RTP and RTCP
-        self._listening: asyncio.Server | None = None
-        self._clients: set[asyncio.Task[None]] = set()
 
-    @property
-    def port(self) -> int:
-        """The bound RTSP port."""
-        return 0 if self._listening is None else int(self._listening.sockets[0].getsockname()[1])
+    async def open(self, host: str) -> None:
+        """Bind two UDP ports of a numeric IPv4 address; PortTakenError if there are none."""
+        self.udp = await _open_udp(host)
 
-    async def start(self, host: str, port: int) -> None:
-        """Bind the ports.
-
-        Args:
-            host: numeric IPv4 address to listen on; the video has no access control.
-            port: RTSP port; 0 selects a free one.
-
-        Raises:
-            PortTakenError: a port is taken or may not be used.
-        """
-        try:
-            self.udp = await _open_udp(host)
-            self._listening = await asyncio.start_server(
-                self._accept, host, port, limit=MAX_REQUEST_BYTES
-            )
-        except OSError as error:
-            raise port_error(error, host, port, "video") from error
-
-    async def close(self) -> None:
-        """End all sessions and free the ports; safe to call twice."""
-        if self._listening is not None:
-            self._listening.close()
-        clients = tuple(self._clients)
-        for client in clients:
-            client.cancel()
-        await asyncio.gather(*clients, return_exceptions=True)
-        await self.streamer.close()
-        for transport in self.udp:
-            transport.close()
-
-    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        client = asyncio.create_task(self._serve(reader, writer))
-        self._clients.add(client)
-        client.add_done_callback(self._clients.discard)
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Answer one client until its connection ends."""
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer the requests of one connection until it ends."""
         session = _Session(self, writer)
         try:
             while True:
@@ -130,12 +88,17 @@ class VideoServer:
                     await writer.drain()
         except RtspError as error:
             writer.write(refusal(error))
-        except (OSError, EOFError) as error:
-            _LOG.info("a client of the video has gone: %r", error)
+        except EOFError:
+            pass  # the client has gone
         finally:
             session.tear_down()
-            writer.close()
             asyncio.get_running_loop().call_later(_LAST_ANSWER_S, writer.transport.abort)
+
+    async def close(self) -> None:
+        """Stop the video and free the UDP ports, after all `serve`; safe to call twice."""
+        await self.streamer.close()
+        for transport in self.udp:
+            transport.close()
 
 
 class _Session:

@@ -6,8 +6,8 @@ import asyncio
 import hashlib
 import json
 import threading
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
+from functools import partial
 from typing import Any
 
 import cv2
@@ -25,6 +25,7 @@ from tests.sim_bridge.loopback.video_client import (
     PATIENCE_S,
     assert_quadrants,
     asynchronous,
+    listening,
 )
 from uav_bt.errors import DroneError
 
@@ -38,18 +39,9 @@ PHOTO = Photo(
 )
 
 
-@asynccontextmanager
-async def serving(media: MediaStore) -> AsyncIterator[int]:
-    """Yield the port of the web interface."""
-
-    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            await serve_web(media, reader, writer)
-        finally:
-            writer.close()
-
-    async with await asyncio.start_server(serve, HOST, 0) as server:
-        yield server.sockets[0].getsockname()[1]
+def serving(media: MediaStore) -> AbstractAsyncContextManager[int]:
+    """Return the web interface, whose port is yielded."""
+    return listening(partial(serve_web, media))
 
 
 async def ask(port: int, path: str, method: str = "GET") -> tuple[str, str, bytes]:

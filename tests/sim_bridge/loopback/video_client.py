@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
+from sim_bridge.loopback.server import Service
 from sim_bridge.loopback.video import VideoServer
+from sim_bridge.loopback.web import MAX_HEAD_BYTES
 from sim_bridge.loopback.world import Location
 from uav_bt.types import Attitude, FlyingState
 
@@ -85,15 +87,41 @@ def frame_at(captured_s: float) -> VideoFrame:
 
 
 @asynccontextmanager
+async def listening(service: Service) -> AsyncIterator[int]:
+    """Serve the connections of a free TCP port and yield its number."""
+    clients: list[asyncio.Task[None]] = []
+
+    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            await service(reader, writer)
+        finally:
+            writer.close()
+
+    def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        clients.append(asyncio.create_task(converse(reader, writer)))
+
+    async with await asyncio.start_server(accept, HOST, 0, limit=MAX_HEAD_BYTES) as server:
+        yield server.sockets[0].getsockname()[1]
+        for client in clients:
+            client.cancel()
+        for end in await asyncio.gather(*clients, return_exceptions=True):
+            assert isinstance(end, (type(None), asyncio.CancelledError, OSError)), end
+
+
+@dataclass(frozen=True)
+class Served:
+    """A video server and its RTSP port."""
+
+    video: VideoServer
+    port: int
+
+
+@asynccontextmanager
 async def serving(
-    newest: Callable[[], VideoFrame | None] | None = None,
-    *,
-    host: str = HOST,
-    port: int = 0,
-    **options: Any,
-) -> AsyncIterator[VideoServer]:
-    """Yield a server, by default on a free port."""
-    server = VideoServer(
+    newest: Callable[[], VideoFrame | None] | None = None, **options: Any
+) -> AsyncIterator[Served]:
+    """Yield a server of the video."""
+    video = VideoServer(
         newest or Pictures().newest,
         size_px=SIZE_PX,
         rate_hz=120.0,
@@ -101,11 +129,12 @@ async def serving(
         now=lambda: NOW_S,
         **options,
     )
+    await video.open(HOST)
     try:
-        await server.start(host, port)
-        yield server
+        async with listening(video.serve) as port:
+            yield Served(video, port)
     finally:
-        await server.close()
+        await video.close()
 
 
 # --- RTSP -----------------------------------------------------------------------------------------
@@ -188,7 +217,7 @@ class RtspClient:
 
 
 @asynccontextmanager
-async def visiting(server: VideoServer) -> AsyncIterator[RtspClient]:
+async def visiting(server: Served) -> AsyncIterator[RtspClient]:
     """Yield a client of the server."""
     reader, writer = await asyncio.open_connection(HOST, server.port)
     yield RtspClient(reader, writer, f"rtsp://{HOST}:{server.port}/live")
