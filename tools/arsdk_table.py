@@ -17,9 +17,8 @@ from pathlib import Path
 HEADER = """\
 # ARSDK messages, written by tools/arsdk_table.py from the definitions in the Olympe wheel.
 # enum NAME VALUE...             values count from 0; as a bit field they name bits
-# project.class.number DIRECTION BUFFER MEMORY NAME [argument:type ...]
+# project.class.number DIRECTION BUFFER NAME [argument:type ...]
 #   DIRECTION command | event; BUFFER ack | noack | prio
-#   MEMORY state | note (an event, nothing to remember) | list | map=KEY (one for each key)
 """
 
 ABSENT = {"cellular", "followme", "sequoia", "stereo_vision_sensor", "thermal", "thermal_cam"}
@@ -54,17 +53,6 @@ def arguments(
         yield f"{own}:{kind}"
 
 
-def memory(message: ET.Element) -> str:
-    """Return what a client remembers of a message."""
-    if message.get("content") == "NOTIFICATION":
-        return "note"
-    kind, _, key = message.get("type", "").partition(":")
-    if kind == "MAP_ITEM":
-        first = message.find("arg")
-        return f"map={key or (first.attrib['name'] if first is not None else '')}"
-    return "list" if kind == "LIST_ITEM" else "state"
-
-
 def messages(root: ET.Element) -> Iterator[tuple[str, bool, str, ET.Element]]:
     """Yield (number, is an event, name, element) of each message of a file."""
     project, name = root.attrib["id"], root.attrib["name"]
@@ -93,7 +81,6 @@ def table(folder: Path) -> str:
                 number,
                 "event" if event else "command",
                 BUFFERS.get(message.get("buffer", ""), "ack"),
-                memory(message),
                 name,
                 *arguments(message, name, named, enums),
             ]

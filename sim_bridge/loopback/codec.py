@@ -1,30 +1,125 @@
-"""Codec of ARSDK messages: project, class and number, then the arguments, little endian."""
+"""Messages of ARSDK, Parrot's protocol between a drone and its controller.
+
+`messages.txt` lists their numbers, names and types; `tools/arsdk_table.py` writes it. An encoded
+message is its number (project, class, message) and its arguments, little endian. Messages with
+arguments of type binary, which only plug-ins of a drone use, are not decoded.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
+from functools import cache
+from importlib import resources
 from typing import Any, Final
 
-from sim_bridge.loopback.messages import Argument, Kind, MessageTable, MessageType
-from uav_bt.errors import InputError, UavBtError, ValueRangeError
+from uav_bt.errors import UavBtError
 
-_HEADER: Final = struct.Struct("<BBH")
-_LENGTH: Final = struct.Struct("<I")
+Values = Mapping[str, Any]  # arguments of a message, by name
+Number = tuple[int, int, int]  # project or feature, class, message
+
+_NUMBER: Final = struct.Struct("<BBH")
+_KINDS: Final = ("u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "float", "double", "enum")
+_FORMATS: Final = dict(zip(_KINDS, "BbHhIiQqfdi", strict=True))  # of `struct`
 
 
 class WireError(UavBtError):
     """Received bytes are not a valid message."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Received:
-    """A received message with its arguments. Choices are names; bits are sets of names."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Argument:
+    """One argument of a message."""
 
-    type: MessageType
-    values: Mapping[str, Any]
+    name: str
+    kind: str  # a number's type, string, enum (one of `names`) or bits (a set of them)
+    layout: str = ""  # format of `struct`, little endian; empty for a string
+    names: tuple[str, ...] = ()  # of an enum from 0, or of bits from the lowest
+
+    def pack(self, value: Any) -> bytes:
+        """Return the bytes of a value."""
+        if self.kind == "string":
+            return bytes(value.encode()) + b"\0"
+        if self.kind == "enum":
+            value = self.names.index(value)
+        elif self.kind == "bits":
+            value = sum(1 << self.names.index(name) for name in set(value))
+        return struct.pack(f"<{self.layout}", value)
+
+    def unpack(self, payload: bytes, offset: int) -> tuple[Any, int]:
+        """Return the value at an offset of a message, and the offset of its end."""
+        if self.kind == "string":
+            end = payload.index(b"\0", offset)
+            return payload[offset:end].decode(), end + 1
+        (value,) = struct.unpack_from(f"<{self.layout}", payload, offset)
+        if self.kind == "enum":
+            value = dict(enumerate(self.names))[value]
+        elif self.kind == "bits":
+            # Clients of other versions may use bits that have no name here.
+            value = {name for bit, name in enumerate(self.names) if value >> bit & 1}
+        return value, offset + struct.calcsize(f"<{self.layout}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MessageType:
+    """One command or event."""
+
+    number: Number
+    name: str  # for example ardrone3.Piloting.TakeOff or gimbal.set_target
+    event: bool  # True: from the drone; False: a command to the drone
+    buffer: str  # delivery: ack, noack or prio
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """A message with its arguments; an enum's value is a name, that of bits a set of names."""
+
+    name: str
+    values: Values
+
+
+@cache
+def message_types() -> Mapping[str, MessageType]:
+    """Return the shipped messages by name."""
+    path = resources.files("sim_bridge.loopback") / "messages.txt"
+    return {one.name: one for one in _read(path.read_text(encoding="utf-8"))}
+
+
+@cache
+def _numbered() -> Mapping[Number, MessageType]:
+    return {one.number: one for one in message_types().values()}
+
+
+def encode(name: str, values: Values) -> bytes:
+    """Return the bytes of a message with all its arguments."""
+    message = message_types()[name]
+    arguments = b"".join(one.pack(values[one.name]) for one in message.arguments)
+    return _NUMBER.pack(*message.number) + arguments
+
+
+def decode(payload: bytes) -> Message:
+    """Return the message of exactly these bytes.
+
+    Raises:
+        WireError: the message is cut off, too long, damaged, or not in the table.
+    """
+    if len(payload) < _NUMBER.size:
+        raise WireError(f"a message has at least {_NUMBER.size} bytes, got {len(payload)}")
+    number = _NUMBER.unpack_from(payload)
+    message = _numbered().get(number)
+    if message is None:
+        raise WireError(f"no message is numbered {'-'.join(map(str, number))}")
+    offset, values = _NUMBER.size, {}
+    for argument in message.arguments:
+        try:
+            values[argument.name], offset = argument.unpack(payload, offset)
+        except (struct.error, ValueError, KeyError) as error:
+            raise WireError(f"{message.name}: {argument.name} is damaged: {error}") from error
+    if offset != len(payload):
+        raise WireError(f"{message.name} has {offset} bytes, got {len(payload)}")
+    return Message(name=message.name, values=values)
 
 
 def varint(value: int) -> bytes:
@@ -37,96 +132,29 @@ def varint(value: int) -> bytes:
     return bytes(encoded)
 
 
-def encode(message: MessageType, values: Mapping[str, Any]) -> bytes:
-    """Return the bytes of a message.
-
-    Args:
-        message: type of the message.
-        values: all arguments, by name.
-
-    Raises:
-        InputError: an argument is missing or unknown.
-        ValueRangeError: a value does not fit its type.
-    """
-    names = [argument.name for argument in message.arguments]
-    if set(names) != set(values):
-        raise InputError(f"{message.name} takes {sorted(names)}, got {sorted(values)}")
-    project, of, number = message.number
-    parts = [_HEADER.pack(project, of, number)]
-    for argument in message.arguments:
-        try:
-            parts.append(_pack(argument, values[argument.name]))
-        except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
-            raise ValueRangeError(
-                f"{message.name}: {argument.name} ({argument.kind.value}) cannot be "
-                f"{values[argument.name]!r}: {error}"
-            ) from error
-    return b"".join(parts)
+def _read(text: str) -> Iterator[MessageType]:
+    enums: dict[str, tuple[str, ...]] = {}
+    for line in text.splitlines():
+        if line.startswith("#"):
+            continue
+        first, *words = line.split()
+        if first == "enum":
+            enums[words[0]] = tuple(words[1:])
+            continue
+        direction, buffer, name, *arguments = words
+        project, of, message = map(int, first.split("."))
+        yield MessageType(
+            number=(project, of, message),
+            name=name,
+            event=direction == "event",
+            buffer=buffer,
+            arguments=tuple(_argument(word, enums) for word in arguments),
+        )
 
 
-def _pack(argument: Argument, value: Any) -> bytes:
-    layout = f"<{argument.layout}"
-    if argument.kind is Kind.TEXT:
-        data = value.encode()
-        if b"\0" in data:
-            raise ValueError("a text must not hold a NUL")
-        return bytes(data) + b"\0"
-    if argument.kind is Kind.BINARY:
-        return _LENGTH.pack(len(value)) + bytes(value)
-    if argument.kind is Kind.CHOICE:
-        return struct.pack(layout, argument.values.index(value))
-    if argument.kind is Kind.BITS:
-        return struct.pack(layout, sum(1 << argument.values.index(name) for name in set(value)))
-    return struct.pack(layout, value)
-
-
-def decode(payload: bytes, table: MessageTable) -> Received:
-    """Decode a message.
-
-    Args:
-        payload: exactly the bytes of the message.
-        table: the known messages.
-
-    Raises:
-        WireError: the message is cut off or too long, holds an invalid value, or is not in the
-            table.
-    """
-    if len(payload) < _HEADER.size:
-        raise WireError(f"a message has at least {_HEADER.size} bytes, got {len(payload)}")
-    number = _HEADER.unpack_from(payload)
-    message = table.numbered(number)
-    if message is None:
-        raise WireError(f"no message is numbered {'-'.join(map(str, number))}")
-    offset, values = _HEADER.size, {}
-    for argument in message.arguments:
-        try:
-            values[argument.name], offset = _unpack(argument, payload, offset)
-        except (struct.error, ValueError, IndexError) as error:
-            raise WireError(f"{message.name}: {argument.name} is damaged: {error}") from error
-    if offset != len(payload):
-        raise WireError(f"{message.name} has {offset} bytes, got {len(payload)}")
-    return Received(type=message, values=MappingProxyType(values))
-
-
-def _unpack(argument: Argument, payload: bytes, offset: int) -> tuple[Any, int]:
-    if argument.kind is Kind.TEXT:
-        end = payload.index(b"\0", offset)
-        return payload[offset:end].decode(), end + 1
-    if argument.kind is Kind.BINARY:
-        (size,) = _LENGTH.unpack_from(payload, offset)
-        start, end = offset + _LENGTH.size, offset + _LENGTH.size + size
-        if end > len(payload):
-            raise ValueError(f"it announces {size} bytes")
-        return payload[start:end], end
-    layout = f"<{argument.layout}"
-    (value,) = struct.unpack_from(layout, payload, offset)
-    offset += struct.calcsize(layout)
-    if argument.kind is Kind.CHOICE:
-        if value < 0:
-            raise ValueError(f"there is no value {value}")
-        return argument.values[value], offset
-    if argument.kind is Kind.BITS:
-        # Clients of other versions may use bits that are not in the table.
-        names = (name for bit, name in enumerate(argument.values) if value >> bit & 1)
-        return frozenset(names), offset
-    return value, offset
+def _argument(word: str, enums: Mapping[str, tuple[str, ...]]) -> Argument:
+    """Return the argument that is written `name:kind`, `name:enum:ENUM` or `name:bits-u8:ENUM`."""
+    name, kind, *of = word.split(":")
+    kind, _, integer = kind.partition("-")
+    names = enums[of[0]] if of else ()
+    return Argument(name=name, kind=kind, layout=_FORMATS.get(integer or kind, ""), names=names)

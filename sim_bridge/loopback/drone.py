@@ -3,133 +3,98 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
+from typing import Final
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
-from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
-from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
-from sim_bridge.loopback.media import Card, MediaStore
-from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.photographer import Photographer
-from sim_bridge.loopback.server import LoopbackServer, ServerOptions
+from sim_bridge.loopback.handshake import ANAFI, Ports
+from sim_bridge.loopback.media import Card, MediaStore, Photographer
+from sim_bridge.loopback.server import LoopbackServer
+from sim_bridge.loopback.streamer import VideoStats
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
-from sim_bridge.loopback.video.encoder import EncoderConfig
-from sim_bridge.loopback.video.server import VideoServer, serve_video
-from sim_bridge.loopback.video.streamer import VideoStats
+from sim_bridge.loopback.video import DIRECT_MEDIUM, REMOTE_MEDIUM, VideoServer
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.clock import WallClock
+from uav_bt.errors import DroneError
+from uav_bt.types import FlyingState, Land
+
+_LANDING_S: Final = 20.0  # timeout of the landing after a failure, s
 
 
 @dataclass(frozen=True, kw_only=True)
 class DroneSetup:
     """Configuration of a loopback ANAFI."""
 
-    scene: Scene | None = None  # None: the open field
+    scene: Scene | None = None  # None: the open field, with a GPS fix
     profile: Profile = field(default_factory=Profile)
     seed: int = 0  # random seed, 0 or more
-    server: ServerOptions = field(default_factory=ServerOptions)
-    battery: BatteryOptions = field(default_factory=BatteryOptions)
+    address: str = "127.0.0.1"  # the default is reachable from this machine only
+    ports: Ports = field(default_factory=Ports)
+    charge: float = 1.0  # of the battery, 0 to 1
     image_size_px: tuple[int, int] = (640, 360)  # 16:9; two cores sustain it beside a mission
     video_rate_hz: float = 30.0  # highest frame rate, that of the ANAFI
     video: bool = True
     skycontroller: bool = False  # whether clients connect to a remote control with a drone
     card: Card = Card.READY  # the memory card of the camera
-    gps: bool | None = None  # whether there is a GPS fix; None: outdoors yes, in a lab no
 
 
 class LoopbackDrone:
-    """One drone on the network: `start`, `wait`, `close`. `start` binds the ports.
-
-    Args:
-        setup: world, firmware, server and video.
+    """One drone on the network: `start`, `wait`, `close`.
 
     Raises:
-        MissingDependencyError: MuJoCo or OpenGL does not work here.
+        MissingDependencyError: MuJoCo, OpenGL or the H.264 encoder does not work here.
         ValueRangeError: the video's size is not 16:9.
     """
 
     def __init__(self, setup: DroneSetup) -> None:
-        self._setup = setup
-        gps = setup.scene is None if setup.gps is None else setup.gps
-        self._clock = WallClock()
-        self.world = TwinWorld(
-            setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
-        )
-        table, media = message_table(), MediaStore(card=setup.card)
-        make_camera = partial(
-            TwinCamera,
-            self.world,
-            image_size_px=setup.image_size_px,
-            seed=setup.seed,
-            clock=self._clock,
-            battery=self._charge,
-            zoom=self._zoom,
-            gps=gps,
-        )
-        self._camera = make_camera()
-        self._photographer = Photographer(make_camera)
-        self._anafi = Anafi(
-            self.world,
-            table,
-            identity=setup.server.identity,
-            battery=setup.battery,
-            gps=gps,
-            shoot=self._photographer.shoot,
-            media=media,
-        )
-        drone = setup.server.identity
-        if setup.skycontroller:
-            remote = RemoteControl(
-                self._anafi, self.world, table, drone=drone, identity=SKYCONTROLLER
+        clock, media = WallClock(), MediaStore(card=setup.card)
+        self.world = TwinWorld(setup.scene, setup.profile, setup.seed, clock)
+
+        def camera() -> TwinCamera:
+            return TwinCamera(
+                self.world,
+                image_size_px=setup.image_size_px,
+                seed=setup.seed,
+                clock=clock,
+                battery=lambda: anafi.battery.charge,
             )
-            options = replace(setup.server, identity=SKYCONTROLLER)
-            self._server = LoopbackServer(remote, table, options, media=media)
-        else:
-            self._server = LoopbackServer(self._anafi, table, setup.server, media=media)
+
+        stills, film = camera(), camera()
+        self._photographer = Photographer(stills.newest, stills.close)
+        anafi: Anafi = Anafi(
+            self.world, shoot=self._photographer.shoot, media=media, charge=setup.charge
+        )
+        firmware = RemoteControl(anafi, self.world) if setup.skycontroller else anafi
         self._video: VideoServer | None = None
+        if setup.video:
+            self._video = VideoServer(
+                film.newest,
+                size_px=setup.image_size_px,
+                rate_hz=setup.video_rate_hz,
+                serial=ANAFI.serial,
+                media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
+                now=clock.now,
+                finish=film.close,
+            )
+        self._server = LoopbackServer(
+            firmware, media, self._video, address=setup.address, ports=setup.ports
+        )
 
     @property
     def ports(self) -> Ports:
         """The ports that are bound."""
-        ports = self._server.ports
-        return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
+        return self._server.ports
 
     def video_stats(self) -> VideoStats | None:
         """Return the statistics of the video; None without a video."""
-        return None if self._video is None else self._video.stats()
-
-    def _charge(self) -> float:
-        return self._anafi.battery.charge
-
-    def _zoom(self) -> float:
-        return self._anafi.zoom.level
+        return None if self._video is None else self._video.streamer.stats()
 
     async def start(self) -> None:
-        """Bind the ports and start the simulation.
-
-        Raises:
-            PortTakenError: a port is taken or may not be used.
-            MissingDependencyError: the H.264 encoder is missing.
-        """
-        setup = self._setup
+        """Bind the ports and start the simulation; PortTakenError if a port cannot be used."""
         try:
-            if setup.video:
-                encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
-                self._video = await serve_video(
-                    self._camera,
-                    host=setup.server.address,
-                    port=setup.server.ports.rtsp,
-                    encoder=encoder,
-                    serial=setup.server.identity.serial,
-                    media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
-                    now=self._clock.now,
-                    finish=self._camera.close,
-                )
             self.world.start()
             await self._server.start()
         except BaseException:
@@ -137,17 +102,33 @@ class LoopbackDrone:
             raise
 
     async def wait(self) -> None:
-        """Serve until the simulation or the video fails.
+        """Serve until the simulation or the firmware fails.
 
         Raises:
-            DroneError: the simulation or the video failed.
+            DroneError: the simulation failed, or the firmware, whose drone then lands.
         """
-        await self._server.wait()
+        try:
+            await self._server.wait()
+        except DroneError:
+            raise
+        except Exception as error:
+            where = "has landed" if await self._land() else "is still in the air"
+            raise DroneError(
+                f"the loopback's firmware failed ({type(error).__name__}: {error}); its drone "
+                f"{where}. Restart it"
+            ) from error
 
     async def close(self) -> None:
         """Disconnect and stop; safe to call twice."""
         await self._server.close()
-        if self._video is not None:
-            await self._video.close()
         await asyncio.to_thread(self._photographer.close)
         self.world.stop()
+
+    async def _land(self) -> bool:
+        """Land; return whether the drone is down in time."""
+        self.world.move(Land())
+        for _ in range(round(_LANDING_S / 0.1)):
+            if self.world.state().flying is FlyingState.LANDED:
+                return True
+            await asyncio.sleep(0.1)
+        return False

@@ -8,12 +8,14 @@ port for events, and the drone answers with its port for commands.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import json
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from annotated_types import Ge, Le
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim_bridge.loopback.codec import WireError
 from uav_bt.errors import InputError
@@ -47,14 +49,7 @@ class Ports:
 
 
 def port_error(error: OSError, address: str, port: int, service: str) -> PortTakenError:
-    """Return the error for a port that could not be bound.
-
-    Args:
-        error: the error of the system.
-        address: the numeric address.
-        port: the port; 0 selects a free one.
-        service: purpose of the port, for the message.
-    """
+    """Return the error for a port that could not be bound; `service` is its purpose."""
     where = f"the {service} port {port} of {address}"
     if error.errno == errno.EADDRINUSE:
         return PortTakenError(
@@ -69,112 +64,65 @@ def port_error(error: OSError, address: str, port: int, service: str) -> PortTak
     return PortTakenError(f"{where} cannot be used: {error.strerror or error}")
 
 
-MAX_REQUEST_BYTES: Final = 8192  # a request has about 200
-_BUSY: Final = -1
-_FRAMES_VERSION: Final = 2
-_REQUEST_TIMEOUT_S: Final = 5.0  # timeout of a client's request for a link, s
-
-
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Name, serial number and model of the drone, or of its remote control."""
+    """Name, serial number and model of a device; the numbers are not real, but in the format."""
 
-    name: str = "ANAFI-loopback"
-    serial: str = "PI040384AH8L000000"  # not a real one, but in the format of the ANAFI
-    model: int = 0x0914  # the ANAFI 4K
+    name: str
+    serial: str
+    model: int
 
 
+ANAFI: Final = Identity(name="ANAFI-loopback", serial="PI040384AH8L000000", model=0x0914)  # the 4K
 SKYCONTROLLER: Final = Identity(
     name="SkyController3-loopback", serial="PI040401AA0A000000", model=0x0918
 )
 
+_MAX_REQUEST_BYTES: Final = 8192  # a request has about 200
+_REQUEST_S: Final = 5.0  # timeout of a client's request for a link, s
+_BUSY: Final = -1
+_FRAMES_VERSION: Final = 2
 
-@dataclass(frozen=True, kw_only=True)
-class ConnectionRequest:
+
+class Request(BaseModel):
     """A client's request for a link."""
 
-    events_port: int  # UDP port of the client
-    controller: str = ""
+    model_config = ConfigDict(strict=True)
+
+    d2c_port: int = Field(gt=0, lt=65_536)  # UDP port of the client, for events
+    proto_v_max: int = Field(ge=_FRAMES_VERSION)  # newest version of the frames
+    controller_name: str = "a client"
 
 
 def announcement(identity: Identity, control_port: int) -> bytes:
-    """Return the message that the drone sends on its discovery port.
-
-    Args:
-        identity: name and serial number.
-        control_port: TCP port for requests for a link.
-    """
-    return _line(
-        {
-            "model.id": f"0x{identity.model:04x}",
-            "serial": identity.serial,
-            "port": control_port,
-            "name": identity.name,
-        }
-    )
+    """Return the message that the drone sends on its discovery port."""
+    model, serial, name = f"0x{identity.model:04x}", identity.serial, identity.name
+    return _line({"model.id": model, "serial": serial, "port": control_port, "name": name})
 
 
-def parse_request(data: bytes) -> ConnectionRequest:
-    """Parse a client's request for a link.
-
-    Raises:
-        WireError: the data is not a request for a link.
-    """
-    try:
-        request = json.loads(data.rstrip(b"\0").decode())
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise WireError(f"a request for a link is a JSON object, got {data[:80]!r}") from error
-    port = request.get("d2c_port") if isinstance(request, dict) else None
-    if not isinstance(port, int) or isinstance(port, bool) or not 0 < port < 65536:
-        raise WireError(f"a request for a link names d2c_port, a UDP port, got {data[:80]!r}")
-    newest = request.get("proto_v_max", 1)
-    if not isinstance(newest, int) or newest < _FRAMES_VERSION:
-        raise WireError(
-            f"a client speaks version {_FRAMES_VERSION} of the frames, got {data[:80]!r}"
-        )
-    return ConnectionRequest(
-        events_port=port,
-        controller=str(request.get("controller_name", "")),
-    )
-
-
-async def read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
-    """Read a request for a link, with or without a NUL at its end.
-
-    Raises:
-        WireError: the data is not a request for a link, is too long, or arrives too slowly.
-    """
+async def read_request(reader: asyncio.StreamReader) -> Request:
+    """Read a request for a link, with or without a NUL at its end; WireError if it is none."""
     data = b""
-    try:
-        async with asyncio.timeout(_REQUEST_TIMEOUT_S):
-            while len(data) <= MAX_REQUEST_BYTES:
-                more = await reader.read(MAX_REQUEST_BYTES)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_REQUEST_S):
+            while not data.endswith((b"\0", b"}", b"}\n")) and len(data) < _MAX_REQUEST_BYTES:
+                more = await reader.read(_MAX_REQUEST_BYTES)
+                if not more:
+                    break
                 data += more
-                if not more or data.endswith((b"\0", b"}", b"}\n")):
-                    return parse_request(data)
-    except TimeoutError as error:
-        raise WireError(f"no request for a link within {_REQUEST_TIMEOUT_S} s") from error
-    raise WireError(f"a request for a link has at most {MAX_REQUEST_BYTES} bytes")
+    try:
+        return Request.model_validate_json(data.rstrip(b"\0"))
+    except ValidationError as error:
+        raise WireError(f"no request for a link: {data[:80]!r}: {error}") from error
 
 
-def accepted(commands_port: int) -> bytes:
-    """Return the answer that opens a link and names the UDP port for commands."""
-    return _line(
-        {
-            "status": 0,
-            "c2d_port": commands_port,
-            "c2d_update_port": 51,
-            "c2d_user_port": 21,
-            "qos_mode": 0,
-            "proto_v": _FRAMES_VERSION,
-        }
-    )
+def answer(commands_port: int | None) -> bytes:
+    """Return the answer that opens a link and names the UDP port for commands; None refuses it."""
+    if commands_port is None:
+        return _line({"status": _BUSY})
+    ports = {"c2d_port": commands_port, "c2d_update_port": 51, "c2d_user_port": 21}
+    return _line({"status": 0, **ports, "qos_mode": 0, "proto_v": _FRAMES_VERSION})
 
 
-def refused() -> bytes:
-    """Return the answer to a client that connects while another one flies."""
-    return _line({"status": _BUSY})
-
-
-def _line(message: dict[str, Any]) -> bytes:
+def _line(message: dict[str, object]) -> bytes:
     return json.dumps(message).encode() + b"\0"

@@ -24,11 +24,15 @@ EVENTS: Final = 126  # buffer of events with acknowledgement
 EVENTS_WITHOUT_ACK: Final = 127  # buffer of events without acknowledgement
 MAX_PACK_BYTES: Final = 1400  # messages in a frame, so that it fits into a packet
 SEQUENCES: Final = 1 << 16
+SILENCE_S: Final = 5.0  # timeout of a silent client, as in the SDK
 
 _HEADER: Final = struct.Struct("<BBBH")
 _MARK: Final = 12  # version + 10, which differs from all frame types of version 1
 _SIZE: Final = struct.Struct("<H")
 _MAX_VARINT_BYTES: Final = 5
+_BEHIND: Final = 10  # a sequence this far behind is not late: its sender has restarted
+_REPEAT_S: Final = 0.1  # time without acknowledgement until an event is repeated (SDK: 0.15), s
+_PING_S: Final = 2.0  # time between two pings, as the drone, s
 
 
 class FrameType(enum.IntEnum):
@@ -38,9 +42,6 @@ class FrameType(enum.IntEnum):
     DATA = 2
     LOW_LATENCY = 3  # handled like DATA; clients of the ANAFI do not send it
     DATA_WITH_ACK = 4
-
-
-_KINDS: Final = frozenset(FrameType)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,23 +70,12 @@ def parse(datagram: bytes) -> Iterator[WireFrame]:
     while offset + _HEADER.size < len(datagram):
         mark, kind, buffer, sequence = _HEADER.unpack_from(datagram, offset)
         size, start = _read_varint(datagram, offset + _HEADER.size)
-        end = start + size
-        if mark != _MARK or kind not in _KINDS or size < 0 or end > len(datagram):
+        offset = start + size
+        known = mark == _MARK and kind in set(FrameType)
+        if not known or size < 0 or offset > len(datagram):
             return
-        payload = datagram[start:end]
+        payload = datagram[start:offset]
         yield WireFrame(type=FrameType(kind), buffer=buffer, sequence=sequence, payload=payload)
-        offset = end
-
-
-def fits(messages: Sequence[bytes], another: bytes) -> bool:
-    """Return whether another message fits into a frame.
-
-    Args:
-        messages: messages in the frame.
-        another: the next message; any message fits into an empty frame.
-    """
-    size = sum(_SIZE.size + len(message) for message in (*messages, another))
-    return not messages or size <= MAX_PACK_BYTES
 
 
 def pack(messages: Sequence[bytes]) -> bytes:
@@ -114,62 +104,25 @@ def _read_varint(data: bytes, offset: int) -> tuple[int, int]:
     return -1, offset
 
 
-_BEHIND: Final = 10  # a sequence this far behind is not late: its sender has restarted
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkTiming:
-    """Timing of repeats, pings and the timeout of a link."""
-
-    repeat_s: float = 0.1  # s without acknowledgement until an event is repeated (SDK: 0.15)
-    ping_s: float = 2.0  # s between two pings, as the drone
-    silence_s: float = 5.0  # timeout of a silent client, as in the SDK
-
-
 class Link:
-    """Sends events and receives commands; events with acknowledgement keep their order.
+    """Sends events and receives commands; events with acknowledgement keep their order."""
 
-    Args:
-        transmit: sends a datagram, which may be lost.
-        now_s: present time.
-        timing: repeats, pings and timeout.
-    """
-
-    def __init__(
-        self,
-        transmit: Callable[[bytes], None],
-        now_s: float,
-        *,
-        timing: LinkTiming | None = None,
-    ) -> None:
+    def __init__(self, transmit: Callable[[bytes], None], now_s: float) -> None:
         self._transmit = transmit
-        self._timing = timing or LinkTiming()
-        self.received_s = now_s  # time of the last frame from the client
+        self._received_s = now_s  # time of the last frame from the client
         self._pinged_s = now_s
         self._waiting: deque[bytes] = deque()
-        self._in_flight: WireFrame | None = None
-        self._packed = 0  # number of events in this frame
+        self._in_flight: WireFrame | None = None  # events without acknowledgement so far
         self._sent_s = now_s
         self._sequences: dict[int, int] = {}  # last sequence sent, by buffer
         self._received: dict[int, int] = {}  # last sequence accepted, by buffer
 
-    @property
-    def pending(self) -> int:
-        """Number of events that are not yet acknowledged."""
-        return len(self._waiting) + self._packed
-
     def dead(self, now_s: float) -> bool:
         """Return whether the link has timed out."""
-        return now_s - self.received_s > self._timing.silence_s
+        return now_s - self._received_s > SILENCE_S
 
     def send(self, payload: bytes, now_s: float, *, acked: bool) -> None:
-        """Send an event: at once, or after the earlier ones if it must be acknowledged.
-
-        Args:
-            payload: the encoded message.
-            now_s: present time.
-            acked: whether the client must acknowledge it.
-        """
+        """Send an event: at once, or after the earlier ones if it must be acknowledged."""
         if acked:
             self._waiting.append(payload)
             self._launch(now_s)
@@ -177,18 +130,10 @@ class Link:
             self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, pack([payload]))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
-        """Process a datagram.
-
-        Args:
-            datagram: the received bytes; damaged frames are ignored.
-            now_s: present time.
-
-        Returns:
-            The encoded commands, without those that were received before.
-        """
+        """Process a datagram; return its commands without those that were received before."""
         commands: list[bytes] = []
         for frame in parse(datagram):
-            self.received_s = now_s
+            self._received_s = now_s
             if frame.type is FrameType.ACK:
                 self._acknowledged(frame, now_s)
             elif frame.buffer == PING:
@@ -204,19 +149,17 @@ class Link:
 
     def poll(self, now_s: float) -> None:
         """Repeat events that were not acknowledged; ping when due."""
-        if self._in_flight is not None and now_s - self._sent_s >= self._timing.repeat_s:
+        if self._in_flight is not None and now_s - self._sent_s >= _REPEAT_S:
             self._sent_s = now_s
             self._transmit(self._in_flight.to_bytes())
-        if now_s - self._pinged_s >= self._timing.ping_s:
+        if now_s - self._pinged_s >= _PING_S:
             self.ping(now_s)
 
     def ping(self, now_s: float) -> None:
         """Send a ping, which the client answers."""
         self._pinged_s = now_s
-        whole = int(now_s)
-        self._send_frame(
-            FrameType.DATA, PING, struct.pack("<QQ", whole, int((now_s - whole) * 1e9))
-        )
+        seconds, nanoseconds = divmod(int(now_s * 1e9), 1_000_000_000)
+        self._send_frame(FrameType.DATA, PING, struct.pack("<QQ", seconds, nanoseconds))
 
     def _is_new(self, frame: WireFrame) -> bool:
         last = self._received.get(frame.buffer)
@@ -234,17 +177,15 @@ class Link:
             return
         if frame.payload == ours.acknowledgement:
             self._in_flight = None
-            self._packed = 0
             self._launch(now_s)
 
     def _launch(self, now_s: float) -> None:
         if self._in_flight is None and self._waiting:
             taken = [self._waiting.popleft()]
-            while self._waiting and fits(taken, self._waiting[0]):
+            while self._waiting and len(pack([*taken, self._waiting[0]])) <= MAX_PACK_BYTES:
                 taken.append(self._waiting.popleft())
-            self._sent_s, self._packed = now_s, len(taken)
-            payload = pack(taken)
-            self._in_flight = self._send_frame(FrameType.DATA_WITH_ACK, EVENTS, payload)
+            self._sent_s = now_s
+            self._in_flight = self._send_frame(FrameType.DATA_WITH_ACK, EVENTS, pack(taken))
 
     def _send_frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
         buffer %= 256

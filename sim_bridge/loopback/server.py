@@ -1,11 +1,12 @@
-"""Network server of a loopback ANAFI: discovery, command link and web server."""
+"""Network server of a loopback ANAFI: discovery, command link, web server and video."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -13,164 +14,130 @@ from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.handshake import (
-    MAX_REQUEST_BYTES,
-    ConnectionRequest,
-    Identity,
+    ANAFI,
+    SKYCONTROLLER,
     Ports,
-    accepted,
+    Request,
     announcement,
+    answer,
     port_error,
     read_request,
-    refused,
 )
-from sim_bridge.loopback.link import Link, LinkTiming
-from sim_bridge.loopback.listener import Listener, Service
+from sim_bridge.loopback.link import Link
 from sim_bridge.loopback.media import MediaStore
-from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
-from sim_bridge.loopback.web import serve_web
-from uav_bt.errors import DroneError, InputError
+from sim_bridge.loopback.video import VideoServer
+from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
 
 _LOG = logging.getLogger(__name__)
 
 # A remote control has the web server of its drone at this distance above the drone's port: Parrot's
 # libarsdk connects to 180 in place of 80.
 _DRONE_BEHIND: Final = 100
+_UPDATE_S: Final = 0.02  # time between two updates of the firmware, s
+_PROBE_S: Final = 0.3  # time for the present client to answer when another one connects, s
 
-
-@dataclass(frozen=True, kw_only=True)
-class ServerOptions:
-    """Address, identity and timing of a server."""
-
-    address: str = "127.0.0.1"  # the default is reachable from this machine only
-    ports: Ports = field(default_factory=Ports)
-    identity: Identity = field(default_factory=Identity)
-    timing: LinkTiming = field(default_factory=LinkTiming)
-    update_s: float = 0.02  # s between two updates of the firmware
-    probe_s: float = 0.3  # s for the present client to answer when another one connects
+Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+Address = tuple[str, int]
 
 
 @dataclass(kw_only=True)
 class _Client:
     link: Link
-    address: tuple[str, int]
+    address: Address  # the only socket whose commands are executed
     name: str
 
 
-class LoopbackServer:
-    """Server of one drone: `start`, `wait`, `close`. `start` binds the ports.
-
-    Args:
-        anafi: firmware of the drone or of its remote control.
-        table: the known messages.
-        options: addresses, ports and timeouts.
-        media: content of the web interface.
-    """
+class LoopbackServer(asyncio.DatagramProtocol):
+    """Serves one client of a drone or of its remote control: `start`, `wait`, `close`."""
 
     def __init__(
         self,
-        anafi: Anafi | RemoteControl,
-        table: MessageTable,
-        options: ServerOptions | None = None,
+        firmware: Anafi | RemoteControl,
+        media: MediaStore,
+        video: VideoServer | None = None,
         *,
-        media: MediaStore | None = None,
+        address: str,
+        ports: Ports,
     ) -> None:
-        self._anafi = anafi
-        self._media = MediaStore() if media is None else media
-        self._table = table
-        self._options = options or ServerOptions()
-        self.ports = self._options.ports  # the bound ports after `start`
+        self._firmware = firmware
+        self._media = media
+        self._video = video
+        self._address = address
+        self.ports = ports  # the bound ports after `start`
         self._client: _Client | None = None
-        self._udp: asyncio.DatagramTransport | None = None
-        self._listeners: list[Listener] = []
-        self._timer: asyncio.TimerHandle | None = None
+        self._heard = asyncio.Event()  # set by each datagram of the client
         self._admission = asyncio.Lock()
-        self._received = asyncio.Event()
-        self._broken = asyncio.Event()
-        self._failure: DroneError | None = None
-
-    @property
-    def client(self) -> str | None:
-        """The name of the connected client; None without one."""
-        return None if self._client is None else self._client.name
+        self._udp: asyncio.DatagramTransport | None = None
+        self._servers: list[asyncio.Server] = []
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._updates: asyncio.Task[None] | None = None
+        self._fault: Exception | None = None  # of a command; ends the updates
 
     async def start(self) -> None:
-        """Bind all ports.
-
-        Raises:
-            PortTakenError: a port is taken, or may not be used.
-        """
-        wanted = self._options.ports
-        try:
-            control = await self._listen(wanted.control, "control", self._serve_control)
-            discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
-            http = await self._listen(wanted.http, "http", partial(serve_web, self._media))
-            if isinstance(self._anafi, RemoteControl) and wanted.http:
-                await self._listen(
-                    wanted.http + _DRONE_BEHIND, "http", partial(serve_web, self._media)
-                )
-            self._discovery = discovery
-            commands = await self._listen_udp(wanted.commands)
-        except InputError:
-            await self.close()
-            raise
-        self.ports = Ports(
-            discovery=discovery.port,
-            control=control.port,
-            commands=commands,
-            http=http.port,
-            rtsp=wanted.rtsp,
-        )
-        self._schedule()
-
-    async def wait(self) -> None:
-        """Serve until the simulation fails.
-
-        Raises:
-            DroneError: the simulation failed.
-        """
-        await self._broken.wait()
-        if self._failure is not None:
-            raise self._failure
-
-    async def close(self) -> None:
-        """Disconnect and free the ports; safe to call twice."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        self._drop_client("the server stops")
-        for listener in self._listeners:
-            await listener.close()
-        self._listeners.clear()
-        if self._udp is not None:
-            self._udp.close()
-            self._udp = None
-
-    # --- sockets ----------------------------------------------------------------------------------
-
-    async def _listen(self, port: int, what: str, service: Service) -> Listener:
-        listener = Listener(service)
-        await listener.open(self._options.address, port, what)
-        self._listeners.append(listener)
-        return listener
-
-    async def _listen_udp(self, port: int) -> int:
+        """Bind all ports; PortTakenError if one cannot be used, and then `close` is needed."""
+        wanted, web = self.ports, partial(serve_web, self._media)
+        control = await self._listen(wanted.control, "control", self._serve_control)
+        discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
+        http = await self._listen(wanted.http, "http", web)
+        if isinstance(self._firmware, RemoteControl) and wanted.http:
+            await self._listen(wanted.http + _DRONE_BEHIND, "http", web)
+        rtsp = wanted.rtsp
+        if self._video is not None:
+            await self._video.open(self._address)
+            rtsp = await self._listen(rtsp, "video", self._video.serve)
         loop = asyncio.get_running_loop()
         try:
             self._udp, _ = await loop.create_datagram_endpoint(
-                lambda: _Datagrams(self._datagram), local_addr=(self._options.address, port)
+                lambda: self, local_addr=(self._address, wanted.commands)
             )
         except OSError as error:
-            raise port_error(error, self._options.address, port, "command") from error
-        return int(self._udp.get_extra_info("sockname")[1])
+            raise port_error(error, self._address, wanted.commands, "command") from error
+        commands = self._udp.get_extra_info("sockname")[1]
+        self.ports = replace(
+            wanted, discovery=discovery, control=control, commands=commands, http=http, rtsp=rtsp
+        )
+        self._updates = asyncio.create_task(self._update())
+        self._tasks.add(self._updates)
 
-    # --- admission --------------------------------------------------------------------------------
+    async def wait(self) -> None:
+        """Serve until the firmware or the simulation fails, with its error."""
+        if self._updates is not None:
+            await asyncio.shield(self._updates)
+
+    async def close(self) -> None:
+        """End all connections and free the ports; safe to call twice."""
+        for server in self._servers:
+            server.close()
+        if self._udp is not None:
+            self._udp.close()
+        tasks = tuple(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if self._video is not None:
+            await self._video.close()
+
+    async def _listen(self, port: int, what: str, service: Service) -> int:
+        """Serve the connections of a TCP port; return its number."""
+
+        def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            task = asyncio.create_task(_converse(service, reader, writer))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+        try:
+            server = await asyncio.start_server(accept, self._address, port, limit=MAX_HEAD_BYTES)
+        except OSError as error:
+            raise port_error(error, self._address, port, what) from error
+        self._servers.append(server)
+        return int(server.sockets[0].getsockname()[1])
 
     async def _serve_discovery(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        writer.write(announcement(self._options.identity, self.ports.control))
-        await writer.drain()
-        while await reader.read(MAX_REQUEST_BYTES):
+        identity = SKYCONTROLLER if isinstance(self._firmware, RemoteControl) else ANAFI
+        writer.write(announcement(identity, self.ports.control))
+        while await reader.read(MAX_HEAD_BYTES):
             pass  # clients send nothing here; only the connection counts
         # A client has left. If it is the one that flies, it does not answer the probe.
         async with self._admission:
@@ -183,100 +150,81 @@ class LoopbackServer:
         host = str(writer.get_extra_info("peername")[0])
         async with self._admission:
             await self._probe()
-            if self._client is not None:
-                _LOG.warning("%s is refused: %s flies", host, self._client.name)
-                writer.write(refused())
-            else:
+            if self._client is None:
                 self._admit(host, request)
-                writer.write(accepted(self.ports.commands))
+                writer.write(answer(self.ports.commands))
+            else:
+                _LOG.warning("%s is refused: %s flies", host, self._client.name)
+                writer.write(answer(None))
             await writer.drain()
 
     async def _probe(self) -> None:
         """Drop the client unless it answers a ping in time."""
-        if self._client is None:
-            return
-        self._received.clear()
-        self._client.link.ping(self._now())
-        try:
-            async with asyncio.timeout(self._options.probe_s):
-                await self._received.wait()
-        except TimeoutError:
-            self._drop_client("it is gone")
+        if self._client is not None:
+            self._heard.clear()
+            self._client.link.ping(_now())
+            try:
+                async with asyncio.timeout(_PROBE_S):
+                    await self._heard.wait()
+            except TimeoutError:
+                self._drop_client("it is gone")
 
-    def _admit(self, host: str, request: ConnectionRequest) -> None:
-        address = (host, request.events_port)
-        udp = self._udp
-        if udp is None:
-            return
+    def _admit(self, host: str, request: Request) -> None:
+        address = (host, request.d2c_port)
 
         def transmit(datagram: bytes) -> None:
-            udp.sendto(datagram, address)
+            if self._udp is not None:
+                self._udp.sendto(datagram, address)
 
-        link = Link(transmit, self._now(), timing=self._options.timing)
-        name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
+        link = Link(transmit, _now())
+        name = f"{request.controller_name} at {host}:{request.d2c_port}"
         self._client = _Client(link=link, address=address, name=name)
-        # A client that loses its discovery connection concludes that the drone is gone.
-        self._discovery.keep_newest(host)
         _LOG.info("connected: %s", name)
-
-        def send(message: MessageType, payload: bytes) -> None:
-            link.send(payload, self._now(), acked=message.buffer is not Buffer.NOACK)
-
-        self._anafi.connected(send)
+        self._firmware.connected(lambda event, acked: link.send(event, _now(), acked=acked))
 
     def _drop_client(self, why: str) -> None:
         if self._client is not None:
             _LOG.info("disconnected: %s (%s)", self._client.name, why)
             self._client = None
-            if self._failure is None:
-                self._anafi.disconnected()
-
-    # --- traffic ----------------------------------------------------------------------------------
-
-    def _datagram(self, data: bytes, address: tuple[Any, ...]) -> None:
-        client = self._client
-        if client is None or address[0] != client.address[0]:
-            return
-        before = client.link.received_s
-        commands = client.link.receive(data, self._now())
-        if client.link.received_s > before:
-            self._received.set()
-        for payload in commands:
-            try:
-                self._anafi.handle(decode(payload, self._table))
-            except (WireError, DroneError) as error:
-                _LOG.debug("ignored: %s", error)
-
-    def _schedule(self) -> None:
-        loop = asyncio.get_running_loop()
-        self._timer = loop.call_later(self._options.update_s, self._update)
-
-    def _update(self) -> None:
-        try:
-            self._anafi.update()
-        except DroneError as error:
-            self._failure = error
-            self._broken.set()
-            return
-        client, now_s = self._client, self._now()
-        if client is not None:
-            client.link.poll(now_s)
-            if client.link.dead(now_s):
-                self._drop_client("it fell silent")
-        self._schedule()
-
-    def _now(self) -> float:
-        return asyncio.get_running_loop().time()
-
-
-class _Datagrams(asyncio.DatagramProtocol):
-    def __init__(self, receive: Callable[[bytes, tuple[Any, ...]], None]) -> None:
-        self._receive = receive
+            self._firmware.disconnected()
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-        """Forward the datagram."""
-        self._receive(data, addr)
+        """Execute the commands of a datagram of the client."""
+        client = self._client
+        failed = self._updates is None or self._updates.done()
+        if failed or client is None or addr[:2] != client.address:
+            return
+        self._heard.set()
+        try:
+            for payload in client.link.receive(data, _now()):
+                with contextlib.suppress(WireError):
+                    self._firmware.handle(decode(payload))
+        except Exception as error:  # noqa: BLE001 - `wait` raises it
+            self._fault = error
 
-    def error_received(self, exc: Exception) -> None:
-        """Log an undelivered datagram; only the timeout of the link ends it."""
-        _LOG.debug("a datagram did not arrive: %s", exc)
+    async def _update(self) -> None:
+        """Update firmware and link until one of them fails."""
+        while self._fault is None:
+            await asyncio.sleep(_UPDATE_S)
+            self._firmware.update()
+            if self._client is not None:
+                self._client.link.poll(_now())
+                if self._client.link.dead(_now()):
+                    self._drop_client("it fell silent")
+        raise self._fault
+
+
+async def _converse(
+    service: Service, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+) -> None:
+    """Serve one connection; its errors do not end the server."""
+    try:
+        await service(reader, writer)
+    except (OSError, WireError) as error:
+        _LOG.info("a connection ended: %s", error)
+    finally:
+        writer.close()
+
+
+def _now() -> float:
+    return asyncio.get_running_loop().time()

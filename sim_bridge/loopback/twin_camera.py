@@ -10,13 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
+from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.world import GROUND_M, location
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer
@@ -33,15 +29,10 @@ class TwinCamera:
 
     Args:
         world: the simulated world.
-        image_size_px: width and height, pixels, 16:9.
+        image_size_px: width and height, pixels, 16:9; ValueRangeError otherwise.
         seed: random seed of the image noise.
         clock: clock of the world; maps its time to UTC.
         battery: returns the charge, 0 to 1.
-        zoom: returns the zoom level, 1 or more; by default 1.
-        gps: whether frames contain the geographic position.
-
-    Raises:
-        ValueRangeError: the size is not 16:9.
     """
 
     def __init__(
@@ -52,25 +43,18 @@ class TwinCamera:
         seed: int,
         clock: Clock,
         battery: Callable[[], float],
-        zoom: Callable[[], float] = lambda: 1.0,
-        gps: bool = True,
     ) -> None:
-        self._gps = gps
         self._camera = anafi_camera(*image_size_px)
         self._world = world
         self._optics = Optics(world.profile, *image_size_px, seed)
-        self._battery, self._zoom = battery, zoom
+        self._battery = battery
         self._utc_offset_s = time.time() - clock.now()
         self._age_s = max(0.0, world.profile.video_latency_s - _PIPELINE_S)
         self._renderer: Renderer | None = None
         self._newest: VideoFrame | None = None
 
     def newest(self) -> VideoFrame | None:
-        """Return the newest frame, rendered now if it is new; None before the first.
-
-        Raises:
-            MissingDependencyError: OpenGL does not work here.
-        """
+        """Return the newest frame, rendered now if it is new; None before the first."""
         found = self._world.newest_capture(self._age_s)
         if found is None:
             return self._newest
@@ -88,16 +72,15 @@ class TwinCamera:
     def _frame(self, capture: Capture, captured_s: float) -> VideoFrame:
         if self._renderer is None:
             self._renderer = Renderer(self._world.lab)
-        width, height, zoom = self._camera.width_px, self._camera.height_px, self._zoom()
+        width, height = self._camera.width_px, self._camera.height_px
         clean = self._renderer.rgb(capture.camera, width, height, capture.movers)
-        if zoom > 1.0:
-            clean = _magnified(clean, zoom)
         measured, start, lens = capture.telemetry, self._world.start_pose, capture.camera
         level_m = CAMERA_FORWARD_M * math.cos(measured.attitude.pitch_rad)
         north_m = lens.x_m - level_m * math.cos(lens.yaw_rad) - start.x_m
         east_m = start.y_m + level_m * math.sin(lens.yaw_rad) - lens.y_m
         velocity, yaw_rad = measured.velocity, measured.attitude.yaw_rad
         north_mps, east_mps = rotate(velocity.forward_mps, velocity.right_mps, yaw_rad)
+        place = location(north_m, east_m, GROUND_M + measured.altitude_m)
         return VideoFrame(
             image=self._optics.degrade(clean, capture.index, capture.exposure),
             captured_s=captured_s,
@@ -106,25 +89,13 @@ class TwinCamera:
             camera=Attitude(pitch_rad=lens.pitch_rad, yaw_rad=yaw_rad),
             velocity_mps=NorthEastDown(north=north_mps, east=east_mps, down=velocity.down_mps),
             position_m=NorthEastDown(north=north_m, east=east_m, down=-measured.altitude_m),
-            location=(
-                location(north_m, east_m, GROUND_M + measured.altitude_m) if self._gps else None
-            ),
+            location=place if self._world.outdoors else None,
             altitude_m=measured.altitude_m,
             height_m=measured.height_m,
             battery=self._battery(),
             flying=self._world.state().flying,
             fov_rad=(
-                2.0 * math.atan(0.5 / (FOCAL_SHARE * zoom)),
-                2.0 * math.atan(0.5 * height / (FOCAL_SHARE * zoom * width)),
+                2.0 * math.atan(0.5 / FOCAL_SHARE),
+                2.0 * math.atan(0.5 * height / (FOCAL_SHARE * width)),
             ),
         )
-
-
-def _magnified(image: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
-    """Return the middle of an image, enlarged by `zoom` to the full size."""
-    height, width = image.shape[:2]
-    about_x, about_y = (width - 1) / 2, (height - 1) / 2
-    mapping = np.array(
-        [[zoom, 0.0, (1.0 - zoom) * about_x], [0.0, zoom, (1.0 - zoom) * about_y]], np.float64
-    )
-    return np.asarray(cv2.warpAffine(image, mapping, (width, height)), np.uint8)

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from sim_bridge.loopback.world import WorldLimits, WorldState
+from sim_bridge.loopback.world import WorldState
 from sim_bridge.twin.body import CONTROL_STEP_S
 from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.flying_body import FlyingBody
@@ -24,12 +24,12 @@ from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
-from sim_bridge.twin.scene import ROOM_SIZE_M, Scene, TakeOffSpec
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.simulation import Capture, Simulation
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
-from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose
+from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose, wrap_angle
 
 _PERIOD_S: Final = 0.02  # s between two updates: two control steps of the twin
 _MAX_LAG_S: Final = 0.25  # largest lag of the physics, s; beyond it the lost time is skipped
@@ -45,88 +45,60 @@ _FIELD_HALF_M: Final = 1000.0  # half the side of the field's floor
 _HIDDEN_GROUP: Final = 5  # not drawn by default
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Zero:
-    """Zero of the altitude: the last position of the drone on the ground."""
-
-    z_m: float  # true height
-    altitude_m: float  # altitude measured by the twin's sensors
-
-
 class TwinWorld:
-    """A `World` of MuJoCo in real time; time passes from `start` on.
+    """The drone's body in a lab (None: in the open field), in real time from `start` on."""
 
-    Args:
-        scene: the lab; None selects the open field.
-        profile: limits and imperfections; the field has wider limits.
-        seed: random seed of the flight.
-        clock: clock of the physics.
-
-    Raises:
-        MissingDependencyError: MuJoCo or OpenGL does not work here.
-    """
-
-    def __init__(self, scene: Scene | None, *, profile: Profile, seed: int, clock: Clock) -> None:
+    def __init__(self, scene: Scene | None, profile: Profile, seed: int, clock: Clock) -> None:
         # Computing takes real time here, and the firmware sets the rate of telemetry. The
         # simulation adds no delay for either.
         profile = replace(profile.with_instant_telemetry(), compute_latency_s=0.0)
+        self.outdoors = scene is None  # in the open field, with a GPS fix
         self.scene = _FIELD if scene is None else scene
         self.profile = _field_profile(profile) if scene is None else profile
         self.lab: LabModel = _build_field() if scene is None else build_model(scene)
         self.start_pose: Pose = start_pose(self.scene, seed)
         body = FlyingBody(self.lab, lag_s=self.profile.thrust_lag_s)
         self._simulation = Simulation(self.scene, body, self.profile, seed, self.start_pose)
-        self.limits = WorldLimits(
-            max_speed_mps=self.profile.max_speed_mps,
-            max_climb_mps=self.profile.max_climb_mps,
-            max_yaw_rate_radps=self.profile.max_yaw_rate_radps,
-            ceiling_m=(
-                math.inf
-                if scene is None
-                else ROOM_SIZE_M[2] - self.start_pose.z_m - _BELOW_CEILING_M
-            ),
+        self.pace = Pace(  # speed limits of the body
+            speed_mps=self.profile.max_speed_mps,
+            climb_mps=self.profile.max_climb_mps,
+            yaw_rate_radps=self.profile.max_yaw_rate_radps,
         )
+        self.ceiling_m = math.inf  # altitude limit above the take-off point
+        if not self.outdoors:
+            self.ceiling_m = self.scene.room_size_m[2] - self.start_pose.z_m - _BELOW_CEILING_M
         self._clock = clock
         self._inbox: deque[tuple[Command, Pace | None]] = deque()
         self._movement: Movement = Hover()
-        self._zero = _Zero(z_m=self.start_pose.z_m, altitude_m=0.0)
+        self._ground_z_m = self.start_pose.z_m  # true height of the last position on the ground
+        self._ground_altitude_m = 0.0  # altitude that the sensors measured there
+        self._turned_rad = 0.0  # yaw without wrapping
         self._offset_s = 0.0  # time of the clock minus time of the simulation
         self.lost_s = 0.0  # time skipped because the machine was too slow
         self._failure: Exception | None = None
         self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = threading.Thread(target=self._run, name="twin-world", daemon=True)
         self._state = self._measure()
 
     def start(self) -> None:
         """Start the time."""
-        if self._thread is None:
-            self._offset_s = self._clock.now() - self._simulation.now_s
-            self._thread = threading.Thread(target=self._run, name="twin-world", daemon=True)
-            self._thread.start()
+        self._offset_s = self._clock.now() - self._simulation.now_s
+        self._thread.start()
 
     def stop(self) -> None:
         """Stop the time for good; safe to call twice."""
         self._stop.set()
-        if self._thread is not None:
+        if self._thread.is_alive():
             self._thread.join()
 
     def state(self) -> WorldState:
-        """Return the newest state.
-
-        Raises:
-            DroneError: the simulation failed.
-        """
+        """Return the newest state; DroneError if the simulation failed."""
         if self._failure is not None:
             raise DroneError(f"the simulation failed: {self._failure}") from self._failure
         return self._state
 
     def move(self, movement: Movement, pace: Pace | None = None) -> None:
-        """Command a movement.
-
-        Args:
-            movement: the movement.
-            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
-        """
+        """Command a movement, a `MoveBy` at a pace (None: at the greatest)."""
         if movement != self._movement:
             self._movement = movement
             self._inbox.append((Command(movement=movement), pace))
@@ -138,12 +110,8 @@ class TwinWorld:
         self._inbox.append((command, None))
 
     def newest_capture(self, age_s: float) -> tuple[Capture, float] | None:
-        """Return the newest camera frame of a minimum age, and its capture time by the clock.
-
-        Args:
-            age_s: minimum age, s: the latency of a real camera.
-        """
-        limit = self._state.time_s - age_s
+        """Return the newest camera frame of a minimum age, and its capture time by the clock."""
+        limit = self._state.captured_s - age_s
         for capture in reversed(self._simulation.frames.copy()):
             if capture.time_s <= limit:
                 return capture, capture.time_s + self._offset_s
@@ -176,23 +144,18 @@ class TwinWorld:
         measured, motion = simulation.state(), simulation.motion
         if measured.flying is FlyingState.LANDED:
             # The altitude is zero at each position on the ground before take-off.
-            self._zero = _Zero(z_m=motion.z_m, altitude_m=measured.altitude_m)
-        taking_off = measured.flying is FlyingState.TAKING_OFF
-        grounded = measured.flying is FlyingState.LANDED or (
-            taking_off and motion.z_m - self._zero.z_m < _LIFTED_M
-        )
+            self._ground_z_m, self._ground_altitude_m = motion.z_m, measured.altitude_m
+        grounded = measured.flying is FlyingState.LANDED
+        if measured.flying is FlyingState.TAKING_OFF:
+            grounded = motion.z_m - self._ground_z_m < _LIFTED_M
+        altitude_m = measured.altitude_m - self._ground_altitude_m
+        self._turned_rad += wrap_angle(measured.attitude.yaw_rad - self._turned_rad)
         return WorldState(
-            time_s=measured.captured_s,
-            flying=measured.flying,
+            **(vars(measured) | {"measured": None, "altitude_m": altitude_m}),
             lifting=not grounded,
-            attitude=measured.attitude,
-            velocity=measured.velocity,
             north_m=motion.x_m - start.x_m,
             east_m=start.y_m - motion.y_m,
-            altitude_m=measured.altitude_m - self._zero.altitude_m,
-            height_m=measured.height_m,
-            gimbal_pitch_rad=measured.gimbal_pitch_rad,
-            movement=measured.movement,
+            turned_rad=self._turned_rad,
         )
 
 

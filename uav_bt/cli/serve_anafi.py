@@ -12,10 +12,8 @@ import click
 from annotated_types import Ge, Le
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
-from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
-from sim_bridge.loopback.handshake import Ports
+from sim_bridge.loopback.handshake import ANAFI, Ports
 from sim_bridge.loopback.media import Card
-from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile as TwinProfile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.option_values import ImageSize, Profile, Seed
@@ -32,7 +30,6 @@ def serve_anafi(
     image_size_px: ImageSize = (640, 360),
     video_rate_hz: Annotated[float, Ge(0.1), Le(240), Option(form="--rate")] = 30.0,
     no_video: bool = False,
-    gps: bool | None = None,
     skycontroller: bool = False,
     address: str = "127.0.0.1",
     battery_percent: Annotated[int, Ge(0), Le(100), Option(form="--battery")] = 100,
@@ -48,10 +45,9 @@ def serve_anafi(
 
     Options:
         scene: Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open
-            field and an outdoor drone's pace, as scripts for the ANAFI expect.
+            field, a GPS fix and an outdoor drone's pace, as scripts for the ANAFI expect.
         video_rate_hz: Frames of video a second, at most.
         no_video: Serve no video.
-        gps: Whether it has a GPS fix. Without either it has one in the open field, none in a lab.
         skycontroller: Serve a SkyController 3 with the drone behind it:
             olympe.SkyController3(ADDRESS).
         address: Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address
@@ -60,8 +56,9 @@ def serve_anafi(
         card: Its memory card. With a full or an absent one, photographs fail.
     """
     setup = DroneSetup(
-        server=ServerOptions(address=address, ports=ports),
-        battery=BatteryOptions(charge=battery_percent / 100.0),
+        address=address,
+        ports=ports,
+        charge=battery_percent / 100.0,
         card=Card(card),
         scene=None if scene is None else load_scene(scene),
         seed=seed,
@@ -69,7 +66,6 @@ def serve_anafi(
         image_size_px=image_size_px,
         video_rate_hz=video_rate_hz,
         video=not no_video,
-        gps=gps,
         skycontroller=skycontroller,
     )
     asyncio.run(_serve(setup))
@@ -97,7 +93,7 @@ async def _serve(setup: DroneSetup) -> None:
 
 
 def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
-    address, ports = setup.server.address, drone.ports
+    address, ports = setup.address, drone.ports
     lab = "an open field" if setup.scene is None else f"lab '{setup.scene.name}'"
     width, height = setup.image_size_px
     video = "no video"
@@ -105,7 +101,7 @@ def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
         video = f"video {width}x{height} at rtsp://{address}:{ports.rtsp}/live"
     how = " behind a SkyController 3" if setup.skycontroller else ""
     return (
-        f"'{setup.server.identity.name}' stands in {lab}{how}, at {address}: discovery "
+        f"'{ANAFI.name}' stands in {lab}{how}, at {address}: discovery "
         f"{ports.discovery}, control {ports.control}, commands {ports.commands}, "
         f"http {ports.http}; {video}. Ctrl-C ends it."
     )
@@ -116,9 +112,7 @@ def _farewell(drone: LoopbackDrone) -> Iterator[str]:
     if stats is not None:
         yield (
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
-            f"{stats.frames_late} slots missed; drawing and encoding took "
-            "{:.1f} ms a frame (95 %: {:.1f}), and it was sent {:.1f} ms ({:.1f}) after its "
-            "capture".format(*stats.encode_ms, *stats.age_ms)
+            f"{stats.frames_late} slots missed"
         )
     if (lost_s := drone.world.lost_s) > 0.0:
         yield f"the machine was too slow: {lost_s:.1f} s of flight were left out"

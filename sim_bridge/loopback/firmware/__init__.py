@@ -1,4 +1,1 @@
-"""Simulated firmware of the ANAFI: turns commands into movements and events.
-
-Each part gets the time as an argument and moves a `World`. This package uses no sockets.
-"""
+"""Simulated firmware of the ANAFI: turns commands into movements of the twin, and into events."""

@@ -1,115 +1,69 @@
-"""Test client of the loopback ANAFI: asyncio and the project's codec, without the SDK."""
+"""Test client of the loopback ANAFI: asyncio and the project's link, without the SDK."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections import deque
 from typing import Any
 
-from sim_bridge.loopback.codec import Received, decode, encode
+from sim_bridge.loopback.codec import Message, decode, encode, message_types
 from sim_bridge.loopback.handshake import Ports
-from sim_bridge.loopback.link import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
-from sim_bridge.loopback.messages import Buffer, message_table
+from sim_bridge.loopback.link import Link
 
-PATIENCE_S = 60.0  # timeout of a wait, also on a busy machine, s
-REPEAT_S = 0.1
+HOST = "127.0.0.1"
+POLL_S = 0.1
 
 
 class Client(asyncio.DatagramProtocol):
     """Discovers the drone, opens a link, sends commands and waits for events."""
 
-    def __init__(self, ports: Ports, *, name: str = "test") -> None:
+    def __init__(self, ports: Ports) -> None:
         self._ports = ports
-        self._name = name
-        self._sequences: dict[int, int] = {}
-        self._last: dict[int, int] = {}
-        self._acked: asyncio.Queue[int] = asyncio.Queue()
         self._news = asyncio.Event()
-        self.events: deque[Received] = deque()
+        self.events: list[Message] = []
+        self._seen = 0  # number of events that `wait` has passed
         self.answer: dict[str, Any] = {}
 
     async def connect(self) -> bool:
         loop = asyncio.get_running_loop()
-        host = "127.0.0.1"
-        self._found, self._keep = await asyncio.open_connection(host, self._ports.discovery)
-        self.card = json.loads((await self._found.readuntil(b"\0"))[:-1])
-        self._udp, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=(host, 0))
-        request = {
-            "controller_name": self._name,
-            "controller_type": "test",
-            "d2c_port": self._udp.get_extra_info("sockname")[1],
-            "device_id": self.card["serial"],
-            "proto_v_min": 1,
-            "proto_v_max": 2,
-        }
-        reader, writer = await asyncio.open_connection(host, self.card["port"])
-        writer.write(json.dumps(request).encode() + b"\0")
+        found, self.discovery = await asyncio.open_connection(HOST, self._ports.discovery)
+        self.card = json.loads((await found.readuntil(b"\0"))[:-1])
+        self.udp, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=(HOST, 0))
+        self._link = Link(self.put, loop.time())
+        port = self.udp.get_extra_info("sockname")[1]
+        reader, writer = await asyncio.open_connection(HOST, self.card["port"])
+        writer.write(json.dumps({"d2c_port": port, "proto_v_max": 2}).encode() + b"\0")
         self.answer = json.loads((await reader.readuntil(b"\0"))[:-1])
         writer.close()
-        return self.answer["status"] == 0
+        return bool(self.answer["status"] == 0)
 
     def close(self) -> None:
-        self._keep.close()
-        self._udp.close()
-
-    async def send(self, name: str, /, **values: Any) -> None:
-        """Send a command; wait for its acknowledgement if it needs one."""
-        message = message_table().named(name)
-        acked = message.buffer is not Buffer.NOACK
-        payload = pack([encode(message, values)])
-        kind = FrameType.DATA_WITH_ACK if acked else FrameType.DATA
-        frame = self._frame(kind, 11 if acked else 10, payload)
-        async with asyncio.timeout(PATIENCE_S):
-            while True:
-                self.put(frame.to_bytes())
-                if not acked:
-                    return
-                try:
-                    async with asyncio.timeout(REPEAT_S):
-                        while await self._acked.get() != frame.sequence:
-                            pass
-                        return
-                except TimeoutError:
-                    continue
+        self.discovery.close()
+        self.udp.close()
 
     def put(self, data: bytes) -> None:
         """Send a datagram unchanged."""
-        self._udp.sendto(data, ("127.0.0.1", self.answer["c2d_port"]))
+        self.udp.sendto(data, (HOST, self.answer["c2d_port"]))
 
-    async def wait(self, name: str, /, **values: Any) -> Received:
+    async def ask(self, command: str, event: str, /, **values: Any) -> Message:
+        """Send a command, and return the next event with this name."""
+        acked = message_types()[command].buffer != "noack"
+        self._link.send(encode(command, values), asyncio.get_running_loop().time(), acked=acked)
+        return await self.wait(event)
+
+    async def wait(self, name: str, /, **values: Any) -> Message:
         """Return the next event with this name and these values; earlier events are skipped."""
-        async with asyncio.timeout(PATIENCE_S):
-            while True:
-                while self.events:
-                    event = self.events.popleft()
-                    if event.type.name == name and values.items() <= dict(event.values).items():
-                        return event
-                self._news.clear()
-                await self._news.wait()
+        while True:
+            for event in self.events[self._seen :]:
+                self._seen += 1
+                if event.name == name and values.items() <= event.values.items():
+                    return event
+            self._link.poll(asyncio.get_running_loop().time())
+            self._news.clear()
+            await asyncio.wait([asyncio.ensure_future(self._news.wait())], timeout=POLL_S)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         del addr
-        for frame in parse(data):
-            if frame.type is FrameType.ACK:
-                self._acked.put_nowait(int.from_bytes(frame.payload, "little"))
-            elif frame.buffer == 0:
-                self.put(self._frame(FrameType.DATA, 1, frame.payload).to_bytes())
-            elif frame.buffer in (126, 127):
-                self._take(frame)
-
-    def _take(self, frame: WireFrame) -> None:
-        if frame.type is FrameType.DATA_WITH_ACK:
-            ack = self._frame(FrameType.ACK, frame.buffer + 128, frame.acknowledgement)
-            self.put(ack.to_bytes())
-            if self._last.get(frame.buffer) == frame.sequence:
-                return
-            self._last[frame.buffer] = frame.sequence
-        table = message_table()
-        self.events += [decode(one, table) for one in unpack(frame.payload)]
-        self._news.set()
-
-    def _frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
-        sequence = (self._sequences.get(buffer, -1) + 1) % SEQUENCES
-        self._sequences[buffer] = sequence
-        return WireFrame(type=kind, buffer=buffer, sequence=sequence, payload=payload)
+        for payload in self._link.receive(data, asyncio.get_running_loop().time()):
+            self.events.append(decode(payload))
+            self._news.set()

@@ -1,4 +1,4 @@
-"""The loopback ANAFI over real sockets, with a fake body."""
+"""The loopback ANAFI over real sockets."""
 
 from __future__ import annotations
 
@@ -8,233 +8,199 @@ import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from random import Random
+from typing import Any
 
 import pytest
 
+from sim_bridge.loopback.codec import encode
+from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.handshake import Ports, PortTakenError
-from sim_bridge.loopback.link import LinkTiming
-from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.server import LoopbackServer, ServerOptions
-from sim_bridge.loopback.world import WorldState
-from tests.sim_bridge.loopback.loopback_client import PATIENCE_S, Client
-from tests.sim_bridge.loopback.loopback_world import FakeWorld
+from sim_bridge.loopback.link import FrameType, WireFrame, pack
+from sim_bridge.loopback.server import LoopbackServer
+from tests.sim_bridge.loopback.loopback_client import HOST, Client
+from tests.sim_bridge.loopback.loopback_world import Bench
+from tests.sim_bridge.loopback.video_client import asynchronous
 from uav_bt.errors import DroneError
+from uav_bt.types import FlyingState
 
 FREE = Ports(discovery=0, control=0, commands=0, http=0, rtsp=0)
 FLYING = "ardrone3.PilotingState.FlyingStateChanged"
-
-
-class LiveWorld(FakeWorld):
-    """A world whose time passes at each call of `state`, ten times faster than real time."""
-
-    broken = False
-
-    def state(self) -> WorldState:
-        if self.broken:
-            raise DroneError("the wings fell off")
-        self.advance()
-        return super().state()
+MAX_TILT = ("ardrone3.PilotingSettings.MaxTilt", "ardrone3.PilotingSettingsState.MaxTiltChanged")
+TAKE_OFF = WireFrame(
+    type=FrameType.DATA,
+    buffer=10,
+    sequence=900,
+    payload=pack([encode("ardrone3.Piloting.TakeOff", {})]),
+).to_bytes()
 
 
 @asynccontextmanager
-async def serving(world: FakeWorld | None = None) -> AsyncIterator[LoopbackServer]:
-    # Long timeouts, because the machine may be busy.
-    timing = LinkTiming(silence_s=PATIENCE_S)
-    options = ServerOptions(ports=FREE, timing=timing, update_s=0.002, probe_s=0.5)
-    server = LoopbackServer(Anafi(world or LiveWorld(), message_table()), message_table(), options)
-    await server.start()
+async def serving(ports: Ports = FREE, address: str = HOST) -> AsyncIterator[LoopbackServer]:
+    """Serve a drone whose time passes ten times faster than real time."""
+    bench = Bench()
+    update = bench.anafi.update
+
+    def advance() -> None:
+        for _ in range(10):
+            bench.clock.advance(0.02)
+            bench.world.catch_up()
+            update()
+
+    bench.anafi.update = advance  # type: ignore[method-assign]
+    server = LoopbackServer(bench.anafi, bench.media, ports=ports, address=address)
     try:
+        await server.start()
         yield server
     finally:
         await server.close()
+        await server.close()
 
 
-async def connected(server: LoopbackServer) -> Client:
+async def connected(server: LoopbackServer | LoopbackDrone) -> Client:
     client = Client(server.ports)
     assert await client.connect()
-    await client.send("common.Common.AllStates")
-    await client.wait("common.CommonState.AllStatesChanged")
-    await client.send("common.Settings.AllSettings")
-    await client.wait("common.SettingsState.AllSettingsChanged")
+    await client.ask("common.Common.AllStates", "common.CommonState.AllStatesChanged")
+    await client.ask("common.Settings.AllSettings", "common.SettingsState.AllSettingsChanged")
     return client
 
 
-def test_a_client_connects_flies_and_lands() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            client = await connected(server)
-            assert client.card["model.id"] == "0x0914"
-            assert client.answer["proto_v"] == 2
-            await client.send("ardrone3.Piloting.TakeOff")
-            await client.wait(FLYING, state="hovering")
-            await client.send("ardrone3.Piloting.moveBy", dX=1.0, dY=0.0, dZ=0.0, dPsi=0.0)
-            end = await client.wait("ardrone3.PilotingEvent.moveByEnd", error="ok")
-            assert end.values["dX"] == pytest.approx(1.0, abs=0.05)
-            await client.wait(FLYING, state="hovering")
-            await client.send("ardrone3.Piloting.Landing")
-            await client.wait(FLYING, state="landed")
-            client.close()
-
-    asyncio.run(run())
+@asynchronous
+async def test_a_client_connects_flies_and_lands() -> None:
+    async with serving() as server:
+        client = await connected(server)
+        assert (client.card["model.id"], client.answer["proto_v"]) == ("0x0914", 2)
+        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        await client.wait(FLYING, state="hovering")
+        move_by, end = "ardrone3.Piloting.moveBy", "ardrone3.PilotingEvent.moveByEnd"
+        done = await client.ask(move_by, end, dX=1.0, dY=0.0, dZ=0.0, dPsi=0.0)
+        assert done.values["dX"] == pytest.approx(1.0, abs=0.05)
+        await client.ask("ardrone3.Piloting.Landing", FLYING)
+        await client.wait(FLYING, state="landed")
+        client.close()
 
 
-def test_many_clients_come_and_go() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            for _ in range(5):
-                client = await connected(server)
-                client.close()
-
-    asyncio.run(run())
-
-
-def test_a_second_client_is_refused_while_the_first_one_lives() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            first = await connected(server)
-            second = Client(server.ports, name="second")
-            assert not await second.connect()
-            assert second.answer["status"] != 0
-            second.close()
-            await first.send("ardrone3.PilotingSettings.MaxTilt", current=12.0)
-            await first.wait("ardrone3.PilotingSettingsState.MaxTiltChanged", current=12.0)
-            first.close()
-
-    asyncio.run(run())
+@asynchronous
+async def test_clients_come_and_go_one_at_a_time() -> None:
+    async with serving() as server:
+        (await connected(server)).close()
+        dies = await connected(server)
+        dies.udp.close()  # killed, but its discovery connection stays open
+        first, second = await connected(server), Client(server.ports)
+        assert not await second.connect()
+        assert second.answer["status"] == -1
+        second.close()
+        assert (await first.ask(*MAX_TILT, current=12.0)).values["current"] == 12.0
+        first.close()
+        dies.discovery.close()
 
 
-def test_a_client_that_dies_silently_makes_room_for_another() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            first = await connected(server)
-            first._udp.close()  # killed, but its discovery connection stays open
-            second = await connected(server)
-            second.close()
-            first._keep.close()
+@asynchronous
+async def test_only_commands_of_the_socket_that_connected_are_executed() -> None:
+    async with serving() as server:
+        client = await connected(server)
+        before = len(client.events)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.sendto(TAKE_OFF, (HOST, server.ports.commands))
+        await asyncio.sleep(0.2)
+        await client.ask(*MAX_TILT, current=12.0)
+        assert FLYING not in [event.name for event in client.events[before:]]
+        client.put(TAKE_OFF)
+        await client.wait(FLYING, state="hovering")
+        client.close()
 
-    asyncio.run(run())
 
-
-@pytest.mark.parametrize("port", ["discovery", "control", "http"])
-def test_idle_connections_make_room(port: str) -> None:
-    """With more connections than the limit, that of the flying client stays open."""
-
-    async def run() -> None:
-        async with serving() as server:
-            flies = await connected(server)
-            where = ("127.0.0.1", getattr(server.ports, port))
-            idle = [await asyncio.open_connection(*where) for _ in range(100)]
-            other = Client(server.ports, name="other")
-            assert not await other.connect()
-            assert other.answer["status"] != 0  # an answer, although a refusal
-            assert not flies._found.at_eof()
-            await flies.send("ardrone3.PilotingSettings.MaxTilt", current=12.0)
-            await flies.wait("ardrone3.PilotingSettingsState.MaxTiltChanged", current=12.0)
-            for _, writer in idle:
+@asynchronous
+async def test_garbage_on_every_port_is_survived() -> None:
+    random = Random(7)  # noqa: S311 - not for secrets
+    async with serving() as server:
+        client, ports = await connected(server), server.ports
+        for _ in range(300):
+            client.put(random.randbytes(random.randrange(60)))
+        for port in (ports.discovery, ports.control, ports.http):
+            for size in (0, 1, 100, 20_000):
+                _, writer = await asyncio.open_connection(HOST, port)
+                writer.write(random.randbytes(size))
                 writer.close()
-            flies.close()
-            other.close()
-
-    asyncio.run(run())
+        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        client.close()
 
 
-def test_garbage_on_every_port_is_survived() -> None:
-    async def run() -> None:
-        random = Random(7)  # noqa: S311 - not for secrets
+REQUEST = {"controller_name": "olympe", "d2c_port": 9988, "proto_v_min": 1, "proto_v_max": 3}
+
+
+def request(**changes: Any) -> bytes:
+    return json.dumps(REQUEST | changes).encode()
+
+
+@asynchronous
+async def test_only_a_request_for_a_link_is_answered() -> None:
+    cases = {
+        **{request() + end: True for end in (b"", b"\0", b"\n")},
+        **{request(d2c_port=port): False for port in (0, True, "9988")},
+        **dict.fromkeys((request(proto_v_max=1), b"{}", b"[1]\0", b"\xff\0", b"[" * 5000), False),
+    }
+    for data, answers in cases.items():
         async with serving() as server:
-            client = await connected(server)
-            ports = server.ports
-            for _ in range(300):
-                client.put(random.randbytes(random.randrange(60)))
-            for port in (ports.discovery, ports.control, ports.http):
-                for size in (0, 1, 100, 20_000):
-                    _, writer = await asyncio.open_connection("127.0.0.1", port)
-                    writer.write(random.randbytes(size))
-                    writer.close()
-            for request in (b"{}", b"[1]\0", b'{"d2c_port": 0}', b'{"d2c_port": "x"}', b"\xff\0"):
-                reader, writer = await asyncio.open_connection("127.0.0.1", ports.control)
-                writer.write(request)
-                async with asyncio.timeout(PATIENCE_S):
-                    assert await reader.read() == b""
-                writer.close()
-            await client.send("ardrone3.Piloting.TakeOff")
-            await client.wait(FLYING, state="hovering")
-            client.close()
-
-    asyncio.run(run())
-
-
-def test_a_taken_port_is_one_clear_error() -> None:
-    async def run() -> None:
-        with socket.socket() as taken:
-            taken.bind(("127.0.0.1", 0))
-            taken.listen()
-            port = taken.getsockname()[1]
-            ports = Ports(discovery=0, control=0, commands=0, http=port)
-            anafi = Anafi(FakeWorld(), message_table())
-            server = LoopbackServer(anafi, message_table(), ServerOptions(ports=ports))
-            with pytest.raises(PortTakenError, match=f"http port {port} of 127.0.0.1 is taken"):
-                await server.start()
-
-    asyncio.run(run())
-
-
-def test_an_address_of_another_machine_is_one_clear_error() -> None:
-    async def run() -> None:
-        anafi = Anafi(FakeWorld(), message_table())
-        options = ServerOptions(address="203.0.113.1", ports=FREE)
-        server = LoopbackServer(anafi, message_table(), options)
-        with pytest.raises(PortTakenError, match=r"has no address 203\.0\.113\.1"):
-            await server.start()
-
-    asyncio.run(run())
-
-
-def test_a_body_that_fails_ends_the_service() -> None:
-    async def run() -> None:
-        world = LiveWorld()
-        async with serving(world) as server:
-            client = await connected(server)
-            world.broken = True
-            async with asyncio.timeout(PATIENCE_S):
-                with pytest.raises(DroneError, match="wings fell off"):
-                    await server.wait()
-            client.close()
-
-    asyncio.run(run())
-
-
-def test_the_web_server_has_an_empty_media_list_and_notifies_of_nothing() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            reader, writer = await asyncio.open_connection("127.0.0.1", server.ports.http)
-            writer.write(b"GET /api/v1/media/medias?x=1 HTTP/1.1\r\nHost: a\r\n\r\n")
-            head = await reader.readuntil(b"\r\n\r\n")
-            assert head.startswith(b"HTTP/1.1 200 OK")
-            assert json.loads(await reader.readexactly(2)) == []
-            writer.write(b"GET /api/v1/elsewhere HTTP/1.1\r\nConnection: close\r\n\r\n")
-            assert (await reader.read()).startswith(b"HTTP/1.1 404 Not Found")
+            reader, writer = await asyncio.open_connection(HOST, server.ports.control)
+            writer.write(data)
+            writer.write_eof()
+            answer = await reader.read()
             writer.close()
+            assert bool(answer) is answers, data[:80]
+            assert not answer or json.loads(answer[:-1])["c2d_port"] == server.ports.commands
 
-    asyncio.run(run())
+
+@asynchronous
+async def test_a_port_that_cannot_be_bound_is_one_clear_error() -> None:
+    with socket.socket() as taken:
+        taken.bind((HOST, 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        for ports, address, message in (
+            (FREE, "203.0.113.1", r"has no address 203\.0\.113\.1"),
+            (Ports(discovery=0, control=0, commands=0, http=port), HOST, f"http port {port} of"),
+        ):
+            with pytest.raises(PortTakenError, match=message):
+                async with serving(ports, address):
+                    pass
 
 
-def test_a_websocket_is_kept_and_its_pings_are_answered() -> None:
-    async def run() -> None:
-        async with serving() as server:
-            reader, writer = await asyncio.open_connection("127.0.0.1", server.ports.http)
-            writer.write(
-                b"GET /api/v1/media/notifications HTTP/1.1\r\nUpgrade: websocket\r\n"
-                b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-            )
-            head = await reader.readuntil(b"\r\n\r\n")
-            # The key and its answer are the example of RFC 6455.
-            assert b"Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=" in head
-            writer.write(bytes.fromhex("89 82 01020304 6060"))
-            assert await reader.readexactly(4) == bytes.fromhex("8a 02 6162")
-            writer.write(bytes.fromhex("88 80 00000000"))
-            assert await reader.read() == bytes.fromhex("88 00")
-            writer.close()
+@pytest.mark.parametrize(
+    ("of", "error", "message"),
+    [
+        ("update", DroneError("the wings fell off"), "the wings fell off"),
+        (
+            "update",
+            ValueError("not finite"),
+            r"firmware failed \(ValueError: not finite\).* landed",
+        ),
+        (
+            "handle",
+            ValueError("not finite"),
+            r"firmware failed \(ValueError: not finite\).* landed",
+        ),
+    ],
+)
+@asynchronous
+async def test_a_failure_ends_the_service_with_a_message_and_a_landing(
+    monkeypatch: pytest.MonkeyPatch, of: str, error: Exception, message: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
 
-    asyncio.run(run())
+    drone = LoopbackDrone(DroneSetup(ports=FREE, video=False))
+    await drone.start()
+    try:
+        client = await connected(drone)
+        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        await client.wait(FLYING, state="hovering")
+        monkeypatch.setattr(Anafi, of, fail)
+        client.put(TAKE_OFF)
+        with pytest.raises(DroneError, match=message):
+            await drone.wait()
+        if isinstance(error, ValueError):
+            assert drone.world.state().flying is FlyingState.LANDED
+        client.close()
+    finally:
+        await drone.close()

@@ -1,13 +1,69 @@
-"""Conversion of metres from home to degrees."""
+"""The time of a loopback ANAFI's twin, and its camera."""
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
-from sim_bridge.loopback.world import HOME, location, offset_m
+from sim_bridge.loopback.twin_camera import TwinCamera
+from sim_bridge.loopback.twin_world import TwinWorld
+from sim_bridge.twin.profile import Profile
+from tests.sim_bridge.loopback.loopback_world import Bench
+from uav_bt.clock import ManualClock
+from uav_bt.errors import DroneError
 
 
-def test_places_and_offsets_are_inverse() -> None:
-    there = location(120.0, -340.0)
-    assert offset_m(there.latitude_deg, there.longitude_deg) == pytest.approx((120.0, -340.0))
-    assert location(0.0, 0.0) == HOME
+def test_time_that_the_machine_had_not_is_left_out() -> None:
+    bench = Bench()
+    bench.run(0.1)
+    before_s = bench.state.captured_s
+    bench.clock.advance(3.0)
+    bench.world.catch_up()
+    assert bench.world.lost_s == pytest.approx(3.0, abs=0.03)
+    bench.run(0.2)
+    assert bench.state.captured_s == pytest.approx(before_s + 0.2, abs=0.03)
+
+
+def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
+    failed = threading.Event()
+
+    class Broken(ManualClock):
+        def now(self) -> float:
+            if threading.current_thread() is threading.main_thread():
+                return super().now()
+            failed.set()
+            raise RuntimeError("out of memory")
+
+    world = TwinWorld(None, Profile.named("ideal"), 1, Broken())
+    world.start()
+    assert failed.wait(60.0)
+    world.stop()
+    world.stop()
+    with pytest.raises(DroneError, match="the simulation failed: out of memory"):
+        world.state()
+
+
+@pytest.mark.parametrize("scene", [None, "train-a"])
+def test_the_camera_draws_each_picture_once(scene: str | None) -> None:
+    bench = Bench(scene)
+    camera = TwinCamera(
+        bench.world, image_size_px=(160, 90), seed=1, clock=bench.clock, battery=lambda: 0.5
+    )
+    bench.fly()
+    try:
+        first = camera.newest()
+        assert first is not None
+        assert first.image.shape == (90, 160, 3)
+        assert first.image.std() > 1.0
+        assert camera.newest() is first
+        bench.run(0.4)
+        second = camera.newest()
+        assert second is not None
+        assert second.captured_s > first.captured_s
+        assert second.battery == 0.5
+        assert (second.location is None) is (scene is not None)
+        assert second.position_m.down == -second.altitude_m == pytest.approx(-1.0, abs=0.1)
+    finally:
+        camera.close()
+        camera.close()
