@@ -4,6 +4,6 @@ The entry points register `AnafiConfig` and `SphinxConfig`. Only `sdk` imports P
 drone connects.
 """
 
-from sim_bridge.olympe.kinds import AnafiConfig, SphinxConfig
+from sim_bridge.olympe.config import AnafiConfig, SphinxConfig
 
 __all__ = ["AnafiConfig", "SphinxConfig"]

@@ -20,7 +20,7 @@ Displacement = tuple[float, float, float, float]  # forward, right, down in metr
 _REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Entry:
     """An open movement: sent, but not ended."""
 
@@ -47,20 +47,15 @@ class MoveLedger:
     def sent(self, move: MoveBy) -> None:
         """Record a movement that is sent to the drone."""
         wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
-        self._open.append(_Entry(id=move.id, wanted=wanted))
+        self._open.append(_Entry(move.id, wanted))
         self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
 
     def halted(self) -> None:
         """Record a movement by zero, which ends the one before."""
-        self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
+        self._open.append(_Entry(None, (0.0, 0.0, 0.0, 0.0)))
 
     def ended(self, error: str, flown: Displacement) -> None:
-        """Handle the drone's end event.
-
-        Args:
-            error: error of the event: ok, interrupted, busy, notAvailable or unknown.
-            flown: displacement in the event.
-        """
+        """Handle the drone's end event: ok, interrupted, busy, notAvailable or unknown."""
         if not self._open:
             return
         if error in _REFUSALS:
@@ -74,10 +69,10 @@ class MoveLedger:
                 self._close(self._open.popleft(), MovementState.INTERRUPTED)
             self._close(self._open.popleft(), MovementState.DONE)
 
-    def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
-        """Close all open movements, after a landing or a lost connection."""
+    def drop(self) -> None:
+        """Close all open movements as interrupted, after a landing."""
         while self._open:
-            self._close(self._open.popleft(), state)
+            self._close(self._open.popleft(), MovementState.INTERRUPTED)
 
     def _close(self, entry: _Entry, state: MovementState) -> None:
         if entry.id is not None and self.status is not None and self.status.id == entry.id:

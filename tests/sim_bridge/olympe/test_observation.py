@@ -1,0 +1,428 @@
+"""Events and frames of an ANAFI as states, faults and frames; speeds as stick positions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis
+from hypothesis import strategies as st
+
+from sim_bridge.olympe.self_report import SelfReport
+from sim_bridge.olympe.speed import FullSticks, SpeedHolder, Sticks
+from sim_bridge.olympe.video import CaptureTimes, DecodedFrame, NewestFrame, decode_frame
+from tests.sim_bridge.olympe.fake_olympe import (
+    FLYING,
+    STATE,
+    FakeFrame,
+    FakeWorld,
+    Time,
+    bridge,
+    config,
+    hovering,
+    say,
+)
+from uav_bt.types import BodyVelocity, DroneState, FlyingState, MoveBy, Velocity
+
+# --- states ---------------------------------------------------------------------------------------
+
+
+class Constant:
+    """A member of an enumeration of the SDK."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def test_events_become_a_state() -> None:
+    world, time = FakeWorld(), Time()
+    drone = bridge(world, time, take_off_surface_m=0.4)
+    drone.connect()
+    state = drone.observe().state
+    assert (state.battery, state.link, state.captured_s) == (None, None, -math.inf)
+    time.now_s += 3.0
+    tell = world.drone.event
+    tell(FLYING, state=Constant("flying"))
+    tell(f"{STATE}.AttitudeChanged", roll=0.1, pitch=-0.2, yaw=math.pi / 2)
+    tell(f"{STATE}.SpeedChanged", speedX=0.0, speedY=0.5, speedZ=-0.1)
+    tell(f"{STATE}.AltitudeChanged", altitude=1.5)
+    tell("common.CommonState.BatteryStateChanged", percent=63)
+    tell("common.CommonState.LinkSignalQuality", value=0x80 | 4)
+    tell("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0, pitch_relative=3.0)
+    state = drone.observe().state
+    assert state.captured_s == 3.0
+    assert state.flying is FlyingState.FLYING
+    assert (state.attitude.roll_rad, state.attitude.pitch_rad) == (0.1, -0.2)
+    assert state.velocity.forward_mps == pytest.approx(0.5)
+    assert state.velocity.right_mps == pytest.approx(0.0)
+    assert state.velocity.down_mps == -0.1
+    assert (state.altitude_m, state.height_m) == (1.5, pytest.approx(1.55))
+    assert state.height_above_ground_m == pytest.approx(1.95)
+    assert state.gimbal_pitch_rad == pytest.approx(math.radians(-30))
+    assert (state.battery, state.link) == (0.63, 0.8)
+    assert (state.pilot_has_control, state.connected, state.lost) == (False, True, False)
+    world.drone.connected = False
+    state = drone.observe().state
+    assert (state.connected, state.lost) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("landed", FlyingState.LANDED),
+        ("motor_ramping", FlyingState.TAKING_OFF),
+        ("takingoff", FlyingState.TAKING_OFF),
+        ("hovering", FlyingState.HOVERING),
+        ("landing", FlyingState.LANDING),
+        ("emergency_landing", FlyingState.LANDING),
+        ("emergency", FlyingState.EMERGENCY),
+    ],
+)
+def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
+    world = FakeWorld()
+    drone = bridge(world)
+    drone.connect()
+    world.drone.flies(name)
+    assert drone.observe().state.flying is expected
+
+
+MEASURED: dict[str, tuple[str, dict[str, float]]] = {
+    "attitude": ("AttitudeChanged", {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
+    "velocity": ("SpeedChanged", {"speedX": 0.35, "speedY": 0.0, "speedZ": 0.0}),
+    "altitude": ("AltitudeChanged", {"altitude": 1.5}),
+}
+
+
+def measure(world: FakeWorld, silent: str = "") -> None:
+    """Report attitude, velocity and altitude, or two of them."""
+    for quantity, (name, values) in MEASURED.items():
+        if quantity != silent:
+            world.drone.event(f"{STATE}.{name}", **values)
+
+
+def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    for _ in range(200):  # 10 s of 20 events a second
+        time.now_s += 0.05
+        world.drone.event("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0)
+        world.drone.event("camera.zoom_level", cam_id=0, level=1.0)
+        world.drone.flies()
+    say(drone, MoveBy(id=1, forward_m=0.3))
+    state = drone.observe().state
+    assert drone.clock.now() - state.captured_s == pytest.approx(10.0)
+    assert state.times.gimbal_s == pytest.approx(10.0)
+    measure(world)
+    assert drone.observe().state.captured_s == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("silent", MEASURED)
+def test_the_state_is_as_old_as_its_oldest_part(silent: str) -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    time.now_s += 3.0
+    measure(world, silent)
+    state = drone.observe().state
+    assert state.captured_s == getattr(state.times, f"{silent}_s") == 0.0
+
+
+def test_a_measured_height_has_its_own_time_and_a_computed_one_that_of_the_altitude() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    assert drone.observe().state.times.height_s == 0.0
+    world.drone.event(f"{STATE}.AltitudeAboveGroundChanged", altitude=1.2)
+    time.now_s += 1.0
+    measure(world)
+    times = drone.observe().state.times
+    assert (times.altitude_s, times.height_s) == (1.0, 0.0)
+
+
+# --- faults ---------------------------------------------------------------------------------------
+
+SENSORS, CHECKLIST = "common.CommonState.SensorsStatesListChanged", "alarms.takeoff_checklist"
+ALERT, MOTORS = f"{STATE}.AlertStateChanged", "ardrone3.SettingsState.MotorErrorStateChanged"
+COMPASS = "common.CalibrationState.MagnetoCalibrationRequiredState"
+GOOD: dict[str, dict[str, Any]] = {
+    f"{STATE}.HoveringWarning": {"no_gps_too_dark": 0, "no_gps_too_high": 0},
+    ALERT: {"state": "none"},
+    MOTORS: {"motorIds": 0, "motorError": "noError"},
+    COMPASS: {"required": 0},
+    SENSORS: {"sensorName": "vertical_camera", "sensorState": 1},
+    "camera.zoom_level": {"cam_id": 0, "level": 1.0},
+    "gimbal.calibration_state": {"state": "ok", "gimbal_id": 0},
+    "gimbal.alert": {"error": 0, "gimbal_id": 0},
+    CHECKLIST: {"check": "gyro", "state": "off"},
+    "alarms.alarms": {"type": "motor_cutout", "state": "off"},
+}
+
+
+def told(event: str = "gimbal.alert", *, return_home: bool | None = None, **args: Any) -> Any:
+    report = SelfReport(return_home=return_home)
+    for name, good in [*GOOD.items(), (event, {**GOOD.get(event, {}), **args})]:
+        report.take(name, good)
+    return report
+
+
+@pytest.mark.parametrize(
+    ("event", "args", "line"),
+    [
+        (f"{STATE}.HoveringWarning", {"no_gps_too_dark": 1}, "light: too dark"),
+        (ALERT, {"state": "cut_out"}, "alert: cut out"),
+        (
+            *(MOTORS, {"motorIds": 0b1010, "motorError": "errorMotorStalled"}),
+            "motors: errorMotorStalled of motor 2, 4",
+        ),
+        (MOTORS, {"motorError": "errorBatteryVoltage"}, "motors: errorBatteryVoltage of a motor"),
+        (COMPASS, {"required": 1}, "magnetometer: needs a calibration"),
+        (SENSORS, {"sensorState": 0}, "vertical camera: does not work"),
+        ("camera.zoom_level", {"level": 1.5}, "camera: zoomed in, 1.5 times"),
+        ("gimbal.calibration_state", {"state": "required"}, "gimbal: needs a calibration"),
+        ("gimbal.alert", {"error": 4}, "gimbal: reports an error (4)"),
+        (CHECKLIST, {"state": "on"}, "take-off checklist: gyro prevents"),
+        ("alarms.alarms", {"state": "on"}, "alarm: motor cutout"),
+    ],
+)
+def test_each_reported_fault_lasts_until_it_is_withdrawn(
+    event: str, args: dict[str, Any], line: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    report = told(event, **args)
+    report.take(event, {**GOOD[event], **args})
+    (fault,) = report.faults
+    assert f"{fault.what}: {fault.found}".startswith(line)
+    assert fault.remedy
+    assert caplog.text.count(fault.found) == 1
+    report.take(event, GOOD[event])
+    assert report.faults == ()
+
+
+@pytest.mark.parametrize(
+    ("event", "args"),
+    [
+        (SENSORS, {"sensorName": "GPS", "sensorState": 0}),
+        (CHECKLIST, {"check": "gps", "state": "on"}),
+        (ALERT, {"state": "low_battery"}),
+        (COMPASS, {"required": 2}),
+    ],
+)
+def test_what_does_not_matter_indoors_is_no_fault(event: str, args: dict[str, Any]) -> None:
+    assert told(event, **args).faults == ()
+
+
+def test_a_return_home_that_cannot_be_switched_off_is_a_fault() -> None:
+    (fault,) = told(return_home=False).faults
+    assert fault.what == "return home"
+    assert told("rth.auto_trigger_mode", mode="on", return_home=False).faults == ()
+    assert told(return_home=True).faults == ()
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+def turned(roll: float, pitch: float, yaw: float) -> dict[str, float]:
+    cr, sr, cp, sp = (f(a / 2) for a in (roll, pitch) for f in (math.cos, math.sin))
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return {
+        "w": cr * cp * cy + sr * sp * sy,
+        "x": sr * cp * cy - cr * sp * sy,
+        "y": cr * sp * cy + sr * cp * sy,
+        "z": cr * cp * sy - sr * sp * cy,
+    }
+
+
+def decoded(meta: dict[str, Any], stream_us: int = 0) -> DecodedFrame:
+    frame = FakeFrame(meta)
+    frame.ref()
+    frame.stream_us = stream_us
+    found = decode_frame(frame)
+    assert found is not None
+    return found
+
+
+@hypothesis(deadline=None)  # the machine may be busy
+@given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
+def test_a_rotation_is_read_as_angles(roll: float, pitch: float, yaw: float) -> None:
+    attitude = decoded({"drone": {"quat": turned(roll, pitch, yaw)}}).attitude
+    assert attitude is not None
+    found = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
+    assert found == pytest.approx((roll, pitch, yaw), abs=1e-5)
+
+
+def test_older_firmware_sends_a_flat_record() -> None:
+    record = {"drone_quat": turned(0.0, 0.0, 0.4), "frame_quat": turned(0.0, -0.6, 0.4)}
+    found = decoded({**record, "ground_distance": 1.25}, stream_us=7)
+    assert found.attitude is not None
+    assert found.attitude.yaw_rad == pytest.approx(0.4)
+    assert found.gimbal_pitch_rad == pytest.approx(-0.6)
+    assert (found.height_m, found.altitude_m, found.stamp) == (1.25, None, ("stream", 7))
+
+
+@pytest.mark.parametrize(
+    "meta",
+    [
+        {},
+        {"drone": 3, "camera": "x"},
+        {"drone": {"quat": {"w": 0, "x": 0, "y": 0, "z": 0}, "ground_distance": None}},
+        {"camera": {"quat": {"w": "a"}, "timestamp": 0}},
+    ],
+)
+def test_metadata_without_content_are_no_error(meta: dict[str, Any]) -> None:
+    found = decoded(meta)
+    assert (found.stamp, found.attitude, found.gimbal_pitch_rad) == (None, None, None)
+    assert (found.height_m, found.altitude_m) == (None, None)
+
+
+def deliver(world: FakeWorld, *frames: FakeFrame) -> None:
+    for frame in frames:
+        world.drone.on_frame(frame)
+        assert frame.references == 0
+
+
+def test_only_the_newest_frame_is_seen_with_its_metadata() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    assert drone.observe().frame is None
+    meta = {
+        "drone": {"quat": turned(0.0, 0.0, 0.0), "ground_distance": 0.7, "altitude_ato": 1.1},
+        "camera": {"quat": turned(0.0, -0.5, 0.0), "timestamp": 5_000_000},
+    }
+    deliver(world, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
+    frame = drone.observe().frame
+    assert frame is not None
+    assert frame.image.shape == (360, 640, 3)
+    assert frame.image.min() > 250
+    assert frame.index == 1
+    assert frame.captured_s == pytest.approx(-0.15)
+    assert frame.gimbal_pitch_rad == pytest.approx(-0.5)
+    assert (frame.altitude_m, frame.height_m) == (1.1, 0.7)
+    assert frame.height_above_ground_m == pytest.approx(1.15)
+    assert drone.observe().frame is frame
+
+
+def test_a_frame_without_metadata_has_the_values_of_the_state_and_grows_old() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    world.drone.event(f"{STATE}.AltitudeChanged", altitude=1.3)
+    world.drone.event("gimbal.attitude", pitch_absolute=-45.0)
+    deliver(world, FakeFrame())
+    time.now_s += 7.0
+    frame = drone.observe().frame
+    assert frame is not None
+    assert frame.altitude_m == 1.3
+    assert frame.gimbal_pitch_rad == pytest.approx(math.radians(-45))
+    assert drone.clock.now() - frame.captured_s == pytest.approx(7.15)
+
+
+def test_colours_come_back() -> None:
+    """Red, green and blue fields, computed by the equations of BT.709."""
+    wanted = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.float64)
+    matrix = np.array([[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])
+    y, cb, cr = (matrix @ wanted.T) * np.array([[219], [224], [224]]) / 255
+    planes = np.zeros((3 * 32 // 2, 96), np.uint8)
+    planes[:32] = np.repeat(np.round(16 + y), 32)
+    for number, colour in enumerate((cb, cr)):
+        half = np.repeat(np.round(128 + colour).astype(np.uint8)[None], 16, 0).repeat(16, 1)
+        planes[32 + 8 * number : 40 + 8 * number] = half.reshape(8, 96)
+    frames = NewestFrame(config(image_size_px=(96, 32)), Time().clock())
+    frames.take(DecodedFrame(planes=planes))
+    frame = frames.newest(DroneState(captured_s=0.0, flying=FlyingState.LANDED))
+    assert frame is not None
+    seen = frame.image[16, [16, 48, 80]].astype(int)
+    assert np.abs(seen - wanted).max() <= 6
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        # A delayed frame keeps its time.
+        [(10.0, "camera", 1.0, 9.9), (10.3, "camera", 1.1, 10.0), (10.31, "camera", 1.3, 10.2)],
+        # Two clocks are independent.
+        [
+            (10.0, "stream", 5e3, 9.9),
+            (10.1, "camera", 1.0, 10.0),
+            (10.2, "stream", 5e3 + 0.2, 10.1),
+        ],
+        # A clock that was set back is a new one.
+        [(10.0, "camera", 900.0, 9.9), (10.1, "camera", 0.005, 10.0)],
+        [(10.0, None, 0.0, 9.9)],
+    ],
+)
+def test_capture_times_are_those_of_the_fastest_frame(frames: list[Any]) -> None:
+    times = CaptureTimes(0.1)
+    for arrived_s, clock, stamp_s, captured_s in frames:
+        stamp = None if clock is None else (clock, round(1e6 * stamp_s))
+        assert times.captured(arrived_s, stamp) == pytest.approx(captured_s, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arrived", "seen", "waits_s"),
+    [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)],
+)
+def test_a_tick_waits_for_its_time_and_a_little_for_a_new_frame(
+    *, arrived: bool, seen: bool, waits_s: float
+) -> None:
+    clock = Time().clock()
+    if arrived:
+        clock.frame_arrived()
+    if seen:
+        clock.frame_seen()
+    clock.sleep_until(0.03)
+    assert clock.now() == pytest.approx(waits_s, abs=1e-5)
+
+
+def test_a_frame_ends_the_wait() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    drone.observe()
+    time.on_wait = lambda: deliver(world, FakeFrame())
+    began_s = drone.clock.now()
+    drone.clock.sleep_until(began_s)
+    assert drone.clock.now() == began_s
+
+
+# --- speeds ---------------------------------------------------------------------------------------
+
+FULL = FullSticks(tilt_rad=math.radians(10.0), climb_mps=0.6, yaw_rate_radps=1.6)
+
+
+@hypothesis(deadline=None)  # the machine may be busy
+@given(
+    order=st.builds(
+        Velocity,
+        forward_mps=st.floats(-5, 5),
+        right_mps=st.floats(-5, 5),
+        down_mps=st.floats(-5, 5),
+        yaw_rate_radps=st.floats(-9, 9),
+    ),
+    measured=st.floats(-20, 20),
+)
+def test_sticks_stay_within_a_hundred_percent(order: Velocity, measured: float) -> None:
+    holder = SpeedHolder(config())
+    limited = holder.limited(order)
+    assert math.hypot(limited.forward_mps, limited.right_mps) <= 1.0 + 1e-9
+    sticks = holder.sticks(limited, BodyVelocity(forward_mps=measured), 0.0, FULL)
+    assert max(map(abs, sticks)) <= 100
+
+
+def test_a_standing_drone_without_an_order_has_centred_sticks() -> None:
+    assert SpeedHolder(config()).sticks(Velocity(), BodyVelocity(), 0.0, FULL) == Sticks()
+
+
+@pytest.mark.parametrize("plant", ["tilt", "speed"])
+def test_a_speed_is_reached_whether_sticks_command_tilt_or_speed(plant: str) -> None:
+    holder, speed_mps, step_s = SpeedHolder(config()), 0.0, 0.05
+    for step in range(400):
+        measured = BodyVelocity(forward_mps=speed_mps)
+        sticks = holder.sticks(Velocity(forward_mps=0.5), measured, step * step_s, FULL)
+        share = sticks.pitch / 100
+        if plant == "tilt":
+            pull_mps2 = 9.81 * math.tan(share * math.radians(10.0)) - 0.25 * speed_mps
+        else:
+            pull_mps2 = (share * 1.0 - speed_mps) / 0.3
+        speed_mps += step_s * pull_mps2
+    assert speed_mps == pytest.approx(0.5, abs=0.05)
