@@ -14,7 +14,7 @@ from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
-from uav_bt.types import Command, Movement, TakeOff
+from uav_bt.types import Command, DroneState, Movement
 
 PATIENCE_S = 30.0  # for what should happen at once
 STATE = "ardrone3.PilotingState"
@@ -33,6 +33,11 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     ROTATION: ("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged", "current", 40.0),
     BANKED_TURN: ("ardrone3.PilotingSettingsState.BankedTurnChanged", "state", 1),
     RETURN_HOME: ("rth.auto_trigger_mode", "mode", "on"),
+}
+MEASURED: dict[str, tuple[str, dict[str, float]]] = {
+    "attitude": ("AttitudeChanged", {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
+    "velocity": ("SpeedChanged", {"speedX": 0.35, "speedY": 0.0, "speedZ": 0.0}),
+    "altitude": ("AltitudeChanged", {"altitude": 1.5}),
 }
 
 
@@ -174,8 +179,11 @@ class FakeSdkDrone:
         for listener in self._listeners:
             listener(SimpleNamespace(message=message, args=args), None)
 
-    def flies(self, state: str = "hovering") -> None:
-        self.event(FLYING, state=state)
+    def measures(self, silent: str = "") -> None:
+        """Report attitude, velocity and altitude, or two of them."""
+        for quantity, (name, values) in MEASURED.items():
+            if quantity != silent:
+                self.event(f"{STATE}.{name}", **values)
 
     def names(self) -> list[str]:
         return [name.rpartition(".")[2] for name, _ in self.sent]
@@ -208,10 +216,6 @@ class FakeWorld:
             stream=lambda on_frame: on_frame,
         )
 
-    @property
-    def drone(self) -> FakeSdkDrone:
-        return self.made[-1]
-
     def note(self, call: str) -> None:
         self.calls.append((call, threading.get_ident()))
         if call == self.blocks:
@@ -243,34 +247,51 @@ def config(**changes: Any) -> OlympeConfig:
     return AnafiConfig(**{"address": "127.0.0.1", **changes})
 
 
-def bridge(
-    world: FakeWorld, time: Time | None = None, *, remote: bool = False, **changes: Any
-) -> OlympeDrone:
-    """Return a drone whose commands are carried out at once, in simulated time."""
-    return OlympeDrone(
-        config(**changes),
-        sdk=lambda: world.sdk,
-        probe_first=lambda _: remote,
-        clock=(time or Time()).clock(),
-        commands=InTurn,  # type: ignore[arg-type]
-    )
+class Flight:
+    """A drone whose commands are carried out at once, in simulated time; connected."""
 
+    def __init__(
+        self,
+        world: FakeWorld | None = None,
+        *,
+        remote: bool = False,
+        threaded: bool = False,
+        connect: bool = True,
+        **changes: Any,
+    ) -> None:
+        self.world, self.time = world or FakeWorld(), Time()
+        in_turn = {} if threaded else {"clock": self.time.clock(), "commands": InTurn}
+        self.drone = OlympeDrone(
+            config(**changes),
+            sdk=lambda: self.world.sdk,
+            probe_first=lambda _: remote,
+            **in_turn,
+        )
+        if connect:
+            self.drone.connect()
 
-def threaded(world: FakeWorld, **changes: Any) -> OlympeDrone:
-    """Return a drone with its own thread of commands."""
-    return OlympeDrone(config(**changes), sdk=lambda: world.sdk, probe_first=lambda _: False)
+    @property
+    def sdk(self) -> FakeSdkDrone:
+        """The latest of the SDK's objects."""
+        return self.world.made[-1]
 
+    @property
+    def state(self) -> DroneState:
+        return self.drone.observe().state
 
-def hovering(world: FakeWorld, time: Time | None = None, **changes: Any) -> OlympeDrone:
-    """Return a drone in the air with its limits set."""
-    drone = bridge(world, time, **changes)
-    drone.connect()
-    say(drone, TakeOff())
-    world.drone.flies()
-    world.drone.sent.clear()
-    return drone
+    def play(self, *steps: Movement | float | str) -> list[str]:
+        """Play a script; return the names of all commands so far.
 
-
-def say(drone: OlympeDrone, *movements: Movement) -> None:
-    for movement in movements:
-        drone.send(Command(movement=movement))
+        It has movements, pauses in seconds, and states that the drone reports: flying states and
+        piloting sources.
+        """
+        for step in steps:
+            if isinstance(step, float):
+                self.time.now_s += step
+            elif step in {"Controller", "SkyController"}:
+                self.sdk.event("skyctrl.CoPilotingState.pilotingSource", source=step)
+            elif isinstance(step, str):
+                self.sdk.event(FLYING, state=step)
+            else:
+                self.drone.send(Command(movement=step))
+        return self.sdk.names()

@@ -17,8 +17,7 @@ from tests.sim_bridge.olympe.fake_olympe import (
     SETTINGS,
     STATE,
     FakeWorld,
-    say,
-    threaded,
+    Flight,
 )
 from uav_bt.errors import DroneError
 from uav_bt.types import (
@@ -163,25 +162,23 @@ def soon(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
-def called(world: FakeWorld) -> list[str]:
+def called(flight: Flight) -> list[str]:
     """Return the calls of the SDK, all of which another thread than this one has made."""
-    (thread,) = {thread for _, thread in world.calls}
+    (thread,) = {thread for _, thread in flight.world.calls}
     assert thread != threading.get_ident()
-    return [name for name, _ in world.calls]
+    return [name for name, _ in flight.world.calls]
 
 
 def test_one_thread_makes_uses_and_destroys_the_object_of_the_sdk() -> None:
-    world = FakeWorld()
-    drone = threaded(world)
-    drone.connect()
-    world.drone.flies()
-    drone.send(Command(movement=Velocity(forward_mps=0.5), gimbal=GimbalTo(pitch_rad=-0.5)))
-    assert soon(lambda: "piloting" in world.drone.names())
-    say(drone, MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
-    drone.disconnect()
-    assert world.destroyed.wait(PATIENCE_S)
+    flight = Flight(threaded=True)
+    flight.play("hovering")
+    flight.drone.send(Command(movement=Velocity(forward_mps=0.5), gimbal=GimbalTo(pitch_rad=-0.5)))
+    assert soon(lambda: "piloting" in flight.sdk.names())
+    flight.play(MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
+    flight.drone.disconnect()
+    assert flight.world.destroyed.wait(PATIENCE_S)
     assert {"make", "subscribe", "connect", "send", "stop_piloting", "destroy"} <= set(
-        called(world)
+        called(flight)
     )
 
 
@@ -205,21 +202,20 @@ def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_threa
     monkeypatch.setattr(settings, "LIMIT_S", 0.01)
     world = FakeWorld()
     world.blocks = call
-    drone = threaded(world)
+    flight = Flight(world, threaded=True, connect=False)
     if call == "disconnect":
-        drone.connect()
-        drone.disconnect()
-        assert soon(lambda: call in called(world))
+        flight.drone.connect()
+        flight.drone.disconnect()
         assert message in caplog.text
     else:
         with pytest.raises(DroneError, match=message):
-            drone.connect()
+            flight.drone.connect()
     # The SDK is still busy, so no other thread may use its object.
-    assert called(world)[-1] == call
+    assert called(flight)[-1] == call
     world.go.set()
     assert world.destroyed.wait(PATIENCE_S)
-    assert world.drone.closed == ["stop video", "disconnect", "destroy"]
-    assert called(world)[-1] == "destroy"
+    assert flight.sdk.closed == ["stop video", "disconnect", "destroy"]
+    assert called(flight)[-1] == "destroy"
 
 
 @pytest.mark.parametrize(
@@ -230,57 +226,48 @@ def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str
     """After a take-off by a pilot the limits are set in the air, without confirmation."""
     world = FakeWorld()
     world.refused = set(SETTINGS)
-    drone = threaded(world)
-    drone.connect()
-    world.drone.flies()
-    say(drone, Velocity(forward_mps=0.5))
+    flight = Flight(world, threaded=True)
+    flight.play("hovering", Velocity(forward_mps=0.5))
     expected = "piloting" if isinstance(movement, Release) else "BankedTurn"  # the last setting
-    assert soon(lambda: expected in world.drone.names())
-    say(drone, movement)
-    assert soon(lambda: order in world.drone.names())
-    world.drone.connected = False  # a lost drone is not asked for a confirmation
-    drone.disconnect()
+    assert soon(lambda: expected in flight.sdk.names())
+    flight.play(movement)
+    assert soon(lambda: order in flight.sdk.names())
+    flight.sdk.connected = False  # a lost drone is not asked for a confirmation
+    flight.drone.disconnect()
 
 
 @pytest.mark.parametrize("fails", ["piloting", "send", "disconnect"])
 def test_a_step_of_disconnecting_that_fails_stops_no_other(
     fails: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    world = FakeWorld()
-    drone = threaded(world)
-    drone.connect()
-    world.drone.flies()
-    say(drone, Velocity(forward_mps=0.5))
-    assert soon(lambda: "piloting" in world.drone.names())
-    world.fails = fails
-    drone.disconnect()
-    assert world.destroyed.wait(PATIENCE_S)
+    flight = Flight(threaded=True)
+    flight.play("hovering", Velocity(forward_mps=0.5))
+    assert soon(lambda: "piloting" in flight.sdk.names())
+    flight.world.fails = fails
+    flight.drone.disconnect()
+    assert flight.world.destroyed.wait(PATIENCE_S)
     assert "failed: TimeoutError: no answer" in caplog.text
-    assert {"send", "disconnect", "destroy"} <= set(called(world))
+    assert {"send", "disconnect", "destroy"} <= set(called(flight))
 
 
 def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
-    world = FakeWorld()
-    drone = threaded(world)
-    drone.connect()
-    world.drone.event(FLYING, state="floating")  # unknown, which is no error
+    flight = Flight(threaded=True)
+    flight.sdk.event(FLYING, state="floating")  # unknown, which is no error
     assert "unknown flying state: floating" in caplog.text
     caplog.clear()
     for _ in range(3):
         with pytest.raises(KeyError):
-            world.drone.event(f"{STATE}.AltitudeChanged", height=1.0)
+            flight.sdk.event(f"{STATE}.AltitudeChanged", height=1.0)
     (record,) = caplog.records
     assert record.getMessage() == (
         "the drone's data cannot be used: its event ardrone3.PilotingState.AltitudeChanged"
     )
-    drone.disconnect()
+    flight.drone.disconnect()
 
 
 def test_a_take_off_is_sent_after_the_limits() -> None:
-    world = FakeWorld()
-    drone = threaded(world)
-    drone.connect()
-    say(drone, TakeOff())
-    drone.disconnect()
-    names = world.drone.names()
+    flight = Flight(threaded=True)
+    flight.play(TakeOff())
+    flight.drone.disconnect()
+    names = flight.sdk.names()
     assert names.index("BankedTurn") < names.index("TakeOff") < names.index("BankedTurn", 6)

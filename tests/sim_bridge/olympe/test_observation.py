@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 
 from sim_bridge.olympe.self_report import SelfReport
@@ -16,14 +15,12 @@ from sim_bridge.olympe.speed import FullSticks, SpeedHolder, Sticks
 from sim_bridge.olympe.video import CaptureTimes, DecodedFrame, NewestFrame, decode_frame
 from tests.sim_bridge.olympe.fake_olympe import (
     FLYING,
+    MEASURED,
     STATE,
     FakeFrame,
-    FakeWorld,
+    Flight,
     Time,
-    bridge,
     config,
-    hovering,
-    say,
 )
 from uav_bt.types import BodyVelocity, DroneState, FlyingState, MoveBy, Velocity
 
@@ -38,13 +35,11 @@ class Constant:
 
 
 def test_events_become_a_state() -> None:
-    world, time = FakeWorld(), Time()
-    drone = bridge(world, time, take_off_surface_m=0.4)
-    drone.connect()
-    state = drone.observe().state
+    flight = Flight(take_off_surface_m=0.4)
+    state = flight.state
     assert (state.battery, state.link, state.captured_s) == (None, None, -math.inf)
-    time.now_s += 3.0
-    tell = world.drone.event
+    flight.play(3.0)
+    tell = flight.sdk.event
     tell(FLYING, state=Constant("flying"))
     tell(f"{STATE}.AttitudeChanged", roll=0.1, pitch=-0.2, yaw=math.pi / 2)
     tell(f"{STATE}.SpeedChanged", speedX=0.0, speedY=0.5, speedZ=-0.1)
@@ -52,7 +47,7 @@ def test_events_become_a_state() -> None:
     tell("common.CommonState.BatteryStateChanged", percent=63)
     tell("common.CommonState.LinkSignalQuality", value=0x80 | 4)
     tell("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0, pitch_relative=3.0)
-    state = drone.observe().state
+    state = flight.state
     assert state.captured_s == 3.0
     assert state.flying is FlyingState.FLYING
     assert (state.attitude.roll_rad, state.attitude.pitch_rad) == (0.1, -0.2)
@@ -64,8 +59,8 @@ def test_events_become_a_state() -> None:
     assert state.gimbal_pitch_rad == pytest.approx(math.radians(-30))
     assert (state.battery, state.link) == (0.63, 0.8)
     assert (state.pilot_has_control, state.connected, state.lost) == (False, True, False)
-    world.drone.connected = False
-    state = drone.observe().state
+    flight.sdk.connected = False
+    state = flight.state
     assert (state.connected, state.lost) == (False, True)
 
 
@@ -82,64 +77,45 @@ def test_events_become_a_state() -> None:
     ],
 )
 def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
-    world = FakeWorld()
-    drone = bridge(world)
-    drone.connect()
-    world.drone.flies(name)
-    assert drone.observe().state.flying is expected
-
-
-MEASURED: dict[str, tuple[str, dict[str, float]]] = {
-    "attitude": ("AttitudeChanged", {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
-    "velocity": ("SpeedChanged", {"speedX": 0.35, "speedY": 0.0, "speedZ": 0.0}),
-    "altitude": ("AltitudeChanged", {"altitude": 1.5}),
-}
-
-
-def measure(world: FakeWorld, silent: str = "") -> None:
-    """Report attitude, velocity and altitude, or two of them."""
-    for quantity, (name, values) in MEASURED.items():
-        if quantity != silent:
-            world.drone.event(f"{STATE}.{name}", **values)
+    flight = Flight()
+    flight.play(name)
+    assert flight.state.flying is expected
 
 
 def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    measure(world)
+    flight = Flight()
+    flight.sdk.measures()
     for _ in range(200):  # 10 s of 20 events a second
-        time.now_s += 0.05
-        world.drone.event("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0)
-        world.drone.event("camera.zoom_level", cam_id=0, level=1.0)
-        world.drone.flies()
-    say(drone, MoveBy(id=1, forward_m=0.3))
-    state = drone.observe().state
-    assert drone.clock.now() - state.captured_s == pytest.approx(10.0)
+        flight.play(0.05)
+        flight.sdk.event("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0)
+        flight.sdk.event("camera.zoom_level", cam_id=0, level=1.0)
+        flight.play("hovering")
+    flight.play(MoveBy(id=1, forward_m=0.3))
+    state = flight.state
+    assert flight.drone.clock.now() - state.captured_s == pytest.approx(10.0)
     assert state.times.gimbal_s == pytest.approx(10.0)
-    measure(world)
-    assert drone.observe().state.captured_s == pytest.approx(10.0)
+    flight.sdk.measures()
+    assert flight.state.captured_s == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("silent", MEASURED)
 def test_the_state_is_as_old_as_its_oldest_part(silent: str) -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    measure(world)
-    time.now_s += 3.0
-    measure(world, silent)
-    state = drone.observe().state
+    flight = Flight()
+    flight.sdk.measures()
+    flight.play(3.0)
+    flight.sdk.measures(silent)
+    state = flight.state
     assert state.captured_s == getattr(state.times, f"{silent}_s") == 0.0
 
 
 def test_a_measured_height_has_its_own_time_and_a_computed_one_that_of_the_altitude() -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    measure(world)
-    assert drone.observe().state.times.height_s == 0.0
-    world.drone.event(f"{STATE}.AltitudeAboveGroundChanged", altitude=1.2)
-    time.now_s += 1.0
-    measure(world)
-    times = drone.observe().state.times
+    flight = Flight()
+    flight.sdk.measures()
+    assert flight.state.times.height_s == 0.0
+    flight.sdk.event(f"{STATE}.AltitudeAboveGroundChanged", altitude=1.2)
+    flight.play(1.0)
+    flight.sdk.measures()
+    times = flight.state.times
     assert (times.altitude_s, times.height_s) == (1.0, 0.0)
 
 
@@ -244,7 +220,6 @@ def decoded(meta: dict[str, Any], stream_us: int = 0) -> DecodedFrame:
     return found
 
 
-@hypothesis(deadline=None)  # the machine may be busy
 @given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
 def test_a_rotation_is_read_as_angles(roll: float, pitch: float, yaw: float) -> None:
     attitude = decoded({"drone": {"quat": turned(roll, pitch, yaw)}}).attitude
@@ -277,22 +252,21 @@ def test_metadata_without_content_are_no_error(meta: dict[str, Any]) -> None:
     assert (found.height_m, found.altitude_m) == (None, None)
 
 
-def deliver(world: FakeWorld, *frames: FakeFrame) -> None:
+def deliver(flight: Flight, *frames: FakeFrame) -> None:
     for frame in frames:
-        world.drone.on_frame(frame)
+        flight.sdk.on_frame(frame)
         assert frame.references == 0
 
 
 def test_only_the_newest_frame_is_seen_with_its_metadata() -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    assert drone.observe().frame is None
+    flight = Flight()
+    assert flight.drone.observe().frame is None
     meta = {
         "drone": {"quat": turned(0.0, 0.0, 0.0), "ground_distance": 0.7, "altitude_ato": 1.1},
         "camera": {"quat": turned(0.0, -0.5, 0.0), "timestamp": 5_000_000},
     }
-    deliver(world, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
-    frame = drone.observe().frame
+    deliver(flight, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
+    frame = flight.drone.observe().frame
     assert frame is not None
     assert frame.image.shape == (360, 640, 3)
     assert frame.image.min() > 250
@@ -301,21 +275,20 @@ def test_only_the_newest_frame_is_seen_with_its_metadata() -> None:
     assert frame.gimbal_pitch_rad == pytest.approx(-0.5)
     assert (frame.altitude_m, frame.height_m) == (1.1, 0.7)
     assert frame.height_above_ground_m == pytest.approx(1.15)
-    assert drone.observe().frame is frame
+    assert flight.drone.observe().frame is frame
 
 
 def test_a_frame_without_metadata_has_the_values_of_the_state_and_grows_old() -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    world.drone.event(f"{STATE}.AltitudeChanged", altitude=1.3)
-    world.drone.event("gimbal.attitude", pitch_absolute=-45.0)
-    deliver(world, FakeFrame())
-    time.now_s += 7.0
-    frame = drone.observe().frame
+    flight = Flight()
+    flight.sdk.event(f"{STATE}.AltitudeChanged", altitude=1.3)
+    flight.sdk.event("gimbal.attitude", pitch_absolute=-45.0)
+    deliver(flight, FakeFrame())
+    flight.play(7.0)
+    frame = flight.drone.observe().frame
     assert frame is not None
     assert frame.altitude_m == 1.3
     assert frame.gimbal_pitch_rad == pytest.approx(math.radians(-45))
-    assert drone.clock.now() - frame.captured_s == pytest.approx(7.15)
+    assert flight.drone.clock.now() - frame.captured_s == pytest.approx(7.15)
 
 
 def test_colours_come_back() -> None:
@@ -376,13 +349,11 @@ def test_a_tick_waits_for_its_time_and_a_little_for_a_new_frame(
 
 
 def test_a_frame_ends_the_wait() -> None:
-    world, time = FakeWorld(), Time()
-    drone = hovering(world, time)
-    drone.observe()
-    time.on_wait = lambda: deliver(world, FakeFrame())
-    began_s = drone.clock.now()
-    drone.clock.sleep_until(began_s)
-    assert drone.clock.now() == began_s
+    flight = Flight()
+    flight.drone.observe()
+    flight.time.on_wait = lambda: deliver(flight, FakeFrame())
+    flight.drone.clock.sleep_until(0.0)
+    assert flight.drone.clock.now() == 0.0
 
 
 # --- speeds ---------------------------------------------------------------------------------------
@@ -390,7 +361,6 @@ def test_a_frame_ends_the_wait() -> None:
 FULL = FullSticks(tilt_rad=math.radians(10.0), climb_mps=0.6, yaw_rate_radps=1.6)
 
 
-@hypothesis(deadline=None)  # the machine may be busy
 @given(
     order=st.builds(
         Velocity,

@@ -14,20 +14,18 @@ import pytest
 from sim_bridge.olympe import media
 from sim_bridge.olympe.media import fetch_photo
 from sim_bridge.olympe.stills import OlympeStills
-from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, FakeWorld, bridge
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, Flight
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Photographing, Still, StillState
 
 SAVED = Still(state=StillState.SAVED, media="10000001")
 
 
-class Flown:
+class Flown(Flight):
     """A connected drone, and the answers of its camera."""
 
     def __init__(self, mode: str | None = "recording") -> None:
-        self.world = FakeWorld()
-        self.drone = bridge(self.world)
-        self.drone.connect()
+        super().__init__()
         assert isinstance(self.drone, Photographing)
         assert self.drone.stills is not None
         self.stills: OlympeStills = self.drone.stills
@@ -40,16 +38,16 @@ class Flown:
         """Commands to the camera, and the modes that it was set to."""
         return [
             str(args.get("value", name.rpartition(".")[2]))
-            for name, args in self.world.drone.sent
+            for name, args in self.sdk.sent
             if name.startswith("camera.")
         ]
 
     def event(self, name: str, **args: object) -> None:
-        self.world.drone.event(f"camera.{name}", **{"cam_id": 0, **args})
+        self.sdk.event(f"camera.{name}", **{"cam_id": 0, **args})
 
     def card(self, physical: str, content: str) -> None:
         state = {"physical_state": physical, "file_system_state": content}
-        self.world.drone.event("user_storage.state", **state)
+        self.sdk.event("user_storage.state", **state)
 
     def progress(self, *results: str) -> None:
         for result in results:

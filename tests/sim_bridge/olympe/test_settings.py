@@ -17,24 +17,20 @@ from tests.sim_bridge.olympe.fake_olympe import (
     ROTATION,
     SETTINGS,
     FakeWorld,
-    Time,
-    bridge,
-    say,
+    Flight,
 )
 from uav_bt.types import TakeOff
 
 
 def test_former_values_are_restored_where_the_flight_changed_them() -> None:
-    world = FakeWorld(firmware="1.8.2")
-    drone = bridge(world, return_home=False)
-    drone.connect()
-    say(drone, TakeOff())
-    sent = dict(world.drone.sent)
+    flight = Flight(FakeWorld(firmware="1.8.2"), return_home=False)
+    flight.play(TakeOff())
+    sent = dict(flight.sdk.sent)
     assert sent[MAX_TILT] == {"current": pytest.approx(10.0)}
     assert sent[RETURN_HOME] == {"mode": "off"}
-    world.drone.sent.clear()
-    drone.disconnect()
-    assert world.drone.sent == [
+    flight.sdk.sent.clear()
+    flight.drone.disconnect()
+    assert flight.sdk.sent == [
         (MAX_TILT, {"current": 20.0}),
         (MAX_ALTITUDE, {"current": 30.0}),
         (CLIMB, {"current": 1.0}),
@@ -45,31 +41,28 @@ def test_former_values_are_restored_where_the_flight_changed_them() -> None:
 
 
 def test_settings_that_the_flight_did_not_change_are_not_sent() -> None:
-    world = FakeWorld()
-    drone = bridge(world, altitude_limit_m=30.0)
     for movements, unsent in [((), set(SETTINGS)), ((TakeOff(),), {MAX_ALTITUDE, RETURN_HOME})]:
-        drone.connect()
-        say(drone, *movements)
-        world.drone.sent = [each for each in world.drone.sent if each[0] == RETURN_HOME]
-        drone.disconnect()
-        assert not unsent & {name for name, _ in world.drone.sent}
+        flight = Flight(altitude_limit_m=30.0)
+        flight.play(*movements)
+        flight.sdk.sent.clear()
+        flight.drone.disconnect()
+        assert not unsent & {name for name, _ in flight.sdk.sent}
 
 
 def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    world, time = FakeWorld(firmware="1.8.2"), Time()
+    world = FakeWorld(firmware="1.8.2")
     world.refused = {MAX_TILT, BANKED_TURN}  # some firmware lacks banked turns
-    drone = bridge(world, time)
-    drone.connect()
-    say(drone, TakeOff())
-    assert world.drone.names()[-1] == "TakeOff"  # nothing waits for an answer
-    time.now_s += 1.9
-    drone.observe()
+    flight = Flight(world)
+    flight.play(TakeOff())
+    assert flight.sdk.names()[-1] == "TakeOff"  # nothing waits for an answer
+    flight.play(1.9)
+    flight.drone.observe()
     assert caplog.text == ""
-    time.now_s += 0.2
-    drone.observe()
-    drone.observe()
+    flight.play(0.2)
+    flight.drone.observe()
+    flight.drone.observe()
     (record,) = caplog.records
     assert record.getMessage() == (
         f"the drone does not confirm {MAX_TILT} = 10.0 (it reports 20.0) within 2 s"
@@ -83,13 +76,12 @@ def test_a_late_report_is_waited_for_before_anything_is_changed(
     world = FakeWorld(firmware="1.8.2")
     world.unreported = {MAX_TILT}
     event = SETTINGS[MAX_TILT][0]
-    later = threading.Timer(0.05, lambda: world.drone.event(event, current=15.0))
+    later = threading.Timer(0.05, lambda: world.made[0].event(event, current=15.0))
     world.on_connect = lambda _: later.start()
-    drone = bridge(world)
-    drone.connect()
-    say(drone, TakeOff())
-    drone.disconnect()
-    tilts = [args["current"] for name, args in world.drone.sent if name == MAX_TILT]
+    flight = Flight(world)
+    flight.play(TakeOff())
+    flight.drone.disconnect()
+    tilts = [args["current"] for name, args in flight.sdk.sent if name == MAX_TILT]
     assert tilts[1:] == [15.0]
 
 
@@ -113,15 +105,14 @@ def test_settings_that_cannot_be_restored_are_named(
     world = FakeWorld()
     world.unreported = unreported
     world.refused = unreported & {BANKED_TURN}
-    drone = bridge(world)
-    drone.connect()
-    say(drone, TakeOff())
-    world.drone.sent.clear()
-    world.drone.connected = not gone
-    drone.disconnect()
+    flight = Flight(world)
+    flight.play(TakeOff())
+    flight.sdk.sent.clear()
+    flight.sdk.connected = not gone
+    flight.drone.disconnect()
     (record,) = caplog.records
     assert f"the drone keeps this flight's {names}: check them" in record.getMessage()
-    restored = {name for name, _ in world.drone.sent}
+    restored = {name for name, _ in flight.sdk.sent}
     assert restored == (set() if gone else set(SETTINGS) - unreported - {RETURN_HOME})
 
 
@@ -130,9 +121,8 @@ def test_a_setting_that_is_not_restored_is_a_warning(
 ) -> None:
     monkeypatch.setattr(settings, "LIMIT_S", 0.01)
     world = FakeWorld()
-    drone = bridge(world)
-    drone.connect()
-    say(drone, TakeOff())
+    flight = Flight(world)
+    flight.play(TakeOff())
     world.refused = {MAX_TILT}
-    drone.disconnect()
+    flight.drone.disconnect()
     assert f"does not confirm {MAX_TILT} = 20.0 (it reports None)" in caplog.text
