@@ -39,10 +39,7 @@ class CommandQueue:
 
     Stick positions, gimbal targets and similar commands replace waiting ones, so that a blocking
     call causes no backlog. A landing or a motor cut goes to the front, and the waiting movements
-    are dropped.
-
-    The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
-    than their callers wait. The thread still finishes such a call before the next command.
+    are dropped. The SDK's object is made, used and destroyed on this thread only.
     """
 
     def __init__(self) -> None:
@@ -51,8 +48,7 @@ class CommandQueue:
         self._closed = False
         self._fault: Exception | None = None
         self.hangs = False  # whether the job of a `run` took longer than its caller waited
-        self._thread = threading.Thread(target=self._run, name="olympe commands", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, name="olympe commands", daemon=True).start()
 
     def submit(self, kind: Kind, job: Job) -> None:
         """Queue a command; raise the error of an earlier one, once.

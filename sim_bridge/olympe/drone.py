@@ -236,13 +236,13 @@ class _Flight:
 
     def _start(self, move: MoveBy) -> None:
         self._prepare()
-        if self._telemetry.begin(move):
+        if self._telemetry.moves.begin(move):
             extended = self._telemetry.known.has_extended_moves
             order = orders.move_at_speed(move, self._config) if extended else orders.move_by(move)
             self._submit(Kind.MOVE, lambda: self.link.move(order))
 
     def _stop_moving(self) -> None:
-        if self._telemetry.halt():
+        if self._telemetry.moves.halt():
             self._send(Kind.MOVE, orders.HALT)
 
     def _prepare(self) -> None:

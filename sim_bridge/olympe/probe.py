@@ -5,7 +5,6 @@ from __future__ import annotations
 import ipaddress
 import json
 import socket
-import time
 from typing import Final
 
 from sim_bridge.olympe.config import OlympeConfig
@@ -14,7 +13,7 @@ from uav_bt.errors import DroneError
 LIMIT_S: Final = 2.0  # of an answer; chosen: a drone in reach answers within milliseconds
 _SKYCONTROLLER_HOST: Final = "192.168.53.1"  # over USB; from Parrot's documentation
 _SKYCONTROLLER_3: Final = 0x0918  # model number, from ARSDK's device types
-_MAX_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has about 100 bytes
+_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has about 100, in one packet
 _HINTS: Final = {
     "anafi": (
         "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
@@ -29,11 +28,10 @@ def probe(config: OlympeConfig) -> bool:
 
     The SDK alone would wait for 45 s.
     """
-    until_s = time.monotonic() + LIMIT_S
     address = config.host, config.discovery_port
     try:
         with socket.create_connection(address, timeout=LIMIT_S) as connection:
-            model = _model(connection, until_s)
+            model = _model(connection)
     except TimeoutError as error:
         reason = f"no answer from {config.where} within {LIMIT_S:g} s"
         raise DroneError(f"{reason}: {_hint(config)}") from error
@@ -45,17 +43,11 @@ def probe(config: OlympeConfig) -> bool:
     return model == _SKYCONTROLLER_3 or config.host == _SKYCONTROLLER_HOST
 
 
-def _model(connection: socket.socket, until_s: float) -> int | None:
+def _model(connection: socket.socket) -> int | None:
     """Return the announced model; None without one, which the SDK reports as an error."""
-    data = b""
     try:
-        while b"\0" not in data and len(data) < _MAX_ANNOUNCEMENT_BYTES:
-            connection.settimeout(max(1e-3, until_s - time.monotonic()))
-            more = connection.recv(_MAX_ANNOUNCEMENT_BYTES)
-            if not more:
-                break
-            data += more
-        return int(json.loads(data.partition(b"\0")[0])["model.id"], 16)
+        announcement = connection.recv(_ANNOUNCEMENT_BYTES).partition(b"\0")[0]
+        return int(json.loads(announcement)["model.id"], 16)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

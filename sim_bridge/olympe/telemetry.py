@@ -19,7 +19,6 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     MeasurementTimes,
-    MoveBy,
     rotate,
 )
 
@@ -129,7 +128,7 @@ class Telemetry:
         self._above_ground_m = config.take_off_surface_m + STANDING_M
         self._report = SelfReport(return_home=config.return_home)
         self._lock = threading.Lock()
-        self._moves = MoveLedger()
+        self.moves = MoveLedger()
         self.known = Known()  # replaced as a whole
         self.lent = True  # whether the pilot has control without having taken it
 
@@ -142,54 +141,36 @@ class Telemetry:
                 changes["measured"] = replace(self.known.measured, **measured)
             self.known = replace(self.known, **changes)
             if changes.get("flying") in _NO_MOVES:
-                self._moves.drop()
+                self.moves.drop()
             if changes.get("source", PILOT) != PILOT:
                 self.lent = False
             if name == _MOVE_ENDED:
-                self._moves.ended(args["error"], (args["dX"], args["dY"], args["dZ"], args["dPsi"]))
+                self.moves.ended(args["error"], (args["dX"], args["dY"], args["dZ"], args["dPsi"]))
             self._report.take(name, args)
 
     def state(self) -> DroneState:
         """Return the newest value of each quantity, with the arrival time of its event."""
         with self._lock:
-            known, movement, lent = self.known, self._moves.status, self.lent
-            faults = self._report.faults
+            known, lent, faults = self.known, self.lent, self._report.faults
         height_m, measured = known.ground_m, known.measured
         if height_m is None:
             height_m = known.altitude_m + STANDING_M
             measured = replace(measured, height_s=measured.altitude_s)
-        forward_mps, right_mps = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
+        ahead, right = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
+        velocity = BodyVelocity(forward_mps=ahead, right_mps=right, down_mps=known.down_mps)
         return DroneState(
             captured_s=measured.oldest_s,
             flying=known.flying,
             attitude=known.attitude,
-            velocity=BodyVelocity(
-                forward_mps=forward_mps, right_mps=right_mps, down_mps=known.down_mps
-            ),
+            velocity=velocity,
             altitude_m=known.altitude_m,
             height_m=max(0.0, height_m),
             height_above_ground_m=known.altitude_m + self._above_ground_m,
             gimbal_pitch_rad=known.gimbal_pitch_rad,
             battery=known.battery,
             link=known.link,
-            movement=movement,
+            movement=self.moves.status,
             pilot_has_control=known.source == PILOT and not lent,
             faults=faults,
             measured=measured,
         )
-
-    def begin(self, move: MoveBy) -> bool:
-        """Record a movement that is sent; return False if it was sent already."""
-        with self._lock:
-            if self._moves.is_latest(move):
-                return False
-            self._moves.sent(move)
-            return True
-
-    def halt(self) -> bool:
-        """Record that the running movement is halted; return False if there is none."""
-        with self._lock:
-            if not self._moves.moving:
-                return False
-            self._moves.halted()
-            return True

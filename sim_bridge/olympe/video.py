@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -31,17 +31,14 @@ _DRIFT: Final = 2e-4
 # Delay that shows a reset of the drone's clock; chosen: above all delays of frames.
 _RESTARTED_S: Final = 10.0
 # Longest wait for a frame after the wanted time; chosen: a mission without video ticks at 10 Hz.
-_NO_FRAME_S: Final = 0.1
+NO_FRAME_S: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class DecodedFrame:
     """A decoded frame, copied out of the SDK's memory; None for values that it lacks."""
 
-    planes: NDArray[np.uint8]  # (3 H / 2, W): Y above the two colour planes
-    layout: str = "yuv420p"  # yuv420p or nv12, names of FFmpeg
-    full_range: bool = False
-    bt601: bool = False  # True: colours by BT.601; False: BT.709, the default of HD video
+    image: av.VideoFrame
     stamp: tuple[str, int] | None = None  # name of a clock, and its microseconds
     attitude: Attitude | None = None
     gimbal_pitch_rad: float | None = None
@@ -55,6 +52,12 @@ def decode_frame(frame: Any) -> DecodedFrame | None:
     if not info or planes is None:
         return None
     raw, vmeta = info["raw"]["frame"], frame.vmeta()[1]
+    layout = "nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p"
+    image = av.VideoFrame.from_ndarray(planes, format=layout)
+    bt601 = str(raw["info"].get("matrix_coefs", "")).startswith("BT601")
+    image.colorspace = Colorspace.ITU601 if bt601 else Colorspace.ITU709  # HD video has BT.709
+    full_range = raw["info"].get("full_range", False)
+    image.color_range = ColorRange.JPEG if full_range else ColorRange.MPEG
     drone, camera = _mapping(vmeta.get("drone")), _mapping(vmeta.get("camera"))
     if not drone and not camera:  # flat record
         drone = {"quat": vmeta.get("drone_quat"), "ground_distance": vmeta.get("ground_distance")}
@@ -63,10 +66,7 @@ def decode_frame(frame: Any) -> DecodedFrame | None:
     known = [(clock, int(stamp)) for clock, stamp in stamps.items() if _number(stamp)]
     view = _attitude(camera.get("quat"))
     return DecodedFrame(
-        planes=np.array(planes),
-        layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
-        full_range=bool(raw["info"].get("full_range", False)),
-        bt601=str(raw["info"].get("matrix_coefs", "")).startswith("BT601"),
+        image=image,
         stamp=known[0] if known else None,
         attitude=_attitude(drone.get("quat")),
         gimbal_pitch_rad=None if view is None else view.pitch_rad,
@@ -127,46 +127,28 @@ class CaptureTimes:
 
 
 class FrameClock:
-    """The live clock: real time since its creation, and a tick at each new frame.
+    """The live clock: real time since its creation, and a tick at each new frame."""
 
-    Args:
-        monotonic: returns the real time, s.
-        condition: condition variable for the wait.
-    """
-
-    def __init__(
-        self,
-        *,
-        monotonic: Callable[[], float] = time.monotonic,
-        condition: threading.Condition | None = None,
-    ) -> None:
-        self._monotonic = monotonic
-        self._condition = condition or threading.Condition()
-        self._start_s = monotonic()
-        self._fresh = False
+    def __init__(self) -> None:
+        self._start_s = time.monotonic()
+        self._fresh = threading.Event()  # set while the newest frame has not been used
 
     def now(self) -> float:
         """Return the time, s."""
-        return self._monotonic() - self._start_s
+        return time.monotonic() - self._start_s
 
     def frame_arrived(self) -> None:
         """End the wait; called on the thread of the video."""
-        with self._condition:
-            self._fresh = True
-            self._condition.notify_all()
+        self._fresh.set()
 
     def frame_seen(self) -> None:
         """Record that the newest frame was used, so that `sleep_until` waits for the next one."""
-        with self._condition:
-            self._fresh = False
+        self._fresh.clear()
 
     def sleep_until(self, time_s: float) -> None:
         """Return at the first new frame after a time, s, or a tenth of a second after it."""
-        with self._condition:
-            while (left_s := time_s - self.now()) > 0.0:
-                self._condition.wait(left_s)
-            while not self._fresh and (left_s := time_s + _NO_FRAME_S - self.now()) > 0.0:
-                self._condition.wait(left_s)
+        time.sleep(max(0.0, time_s - self.now()))
+        self._fresh.wait(max(0.0, time_s + NO_FRAME_S - self.now()))
 
 
 class NewestFrame:
@@ -196,7 +178,7 @@ class NewestFrame:
             altitude_m = _known(decoded.altitude_m, state.altitude_m)
             above_ground_m = self._config.take_off_surface_m + STANDING_M
             self._frame = Frame(
-                image=_rgb(decoded, self._config.image_size_px),
+                image=_rgb(decoded.image, self._config.image_size_px),
                 index=index,
                 captured_s=captured_s,
                 gimbal_pitch_rad=_known(decoded.gimbal_pitch_rad, state.gimbal_pitch_rad),
@@ -212,15 +194,12 @@ def _known(value: Any, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
 
-def _rgb(decoded: DecodedFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
+def _rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return the frame as RGB of a size, (H, W, 3)."""
-    frame = av.VideoFrame.from_ndarray(decoded.planes, format=decoded.layout)
     image = frame.reformat(
         width=size_px[0],
         height=size_px[1],
         format="rgb24",
-        src_colorspace=Colorspace.ITU601 if decoded.bt601 else Colorspace.ITU709,
-        src_color_range=ColorRange.JPEG if decoded.full_range else ColorRange.MPEG,
         interpolation="AREA",
         threads=1,  # it takes 0.2 ms, less than starting more threads, above all on busy cores
     ).to_ndarray()

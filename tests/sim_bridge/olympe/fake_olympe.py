@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -41,33 +41,13 @@ MEASURED: dict[str, tuple[str, dict[str, float]]] = {
 }
 
 
-class Time:
-    """A simulated wall clock, and a condition variable whose wait only advances this clock."""
+class Time(FrameClock):
+    """A simulated clock, which only a script advances."""
 
-    def __init__(self) -> None:
-        self.now_s = 100.0
-        self.on_wait: Callable[[], None] | None = None  # called during a wait
+    now_s = 0.0
 
-    def __call__(self) -> float:
+    def now(self) -> float:
         return self.now_s
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return
-
-    def notify_all(self) -> None:
-        return
-
-    def wait(self, timeout: float) -> None:
-        if self.on_wait is not None:
-            self.on_wait()
-        else:
-            self.now_s += max(timeout, 1e-6)  # a real wait is never zero
-
-    def clock(self) -> FrameClock:
-        return FrameClock(monotonic=self, condition=self)  # type: ignore[arg-type]
 
 
 class FakeFrame:
@@ -260,7 +240,7 @@ class Flight:
         **changes: Any,
     ) -> None:
         self.world, self.time = world or FakeWorld(), Time()
-        in_turn = {} if threaded else {"clock": self.time.clock(), "commands": InTurn}
+        in_turn: Any = {} if threaded else {"clock": self.time, "commands": InTurn}
         self.drone = OlympeDrone(
             config(**changes),
             sdk=lambda: self.world.sdk,
