@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.olympe import orders
@@ -18,8 +18,8 @@ from sim_bridge.olympe.probe import probe
 from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder, gentle_tilt_rad
 from sim_bridge.olympe.stills import OlympeStills
-from sim_bridge.olympe.telemetry import PILOT, Telemetry
-from sim_bridge.olympe.video import FrameClock, NewestFrame
+from sim_bridge.olympe.telemetry import PILOT
+from sim_bridge.olympe.video import FrameClock
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     Command,
@@ -50,12 +50,7 @@ _STEERABLE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 class OlympeDrone:
     """Flies an ANAFI, real or simulated by Sphinx; implements `Drone` and `Photographing`.
 
-    Args:
-        config: address and limits.
-        sdk: loads Parrot's SDK; tests pass a scripted one.
-        probe_first: returns whether a remote control answers; raises an error if nothing answers.
-        clock: the live clock.
-        commands: makes the command queue.
+    Tests pass a scripted SDK, probe and command queue.
     """
 
     def __init__(
@@ -79,7 +74,7 @@ class OlympeDrone:
         self.referee: Final = None  # only simulated drones have ground truth
         self.live = True  # a real drone is checked before it takes off
         self.tick_s = 1.0 / _FRAME_RATE_HZ
-        self._flight: _Flight | None = None
+        self._pilot: _Pilot | None = None
 
     def connect(self) -> None:
         """Connect and start the video, which takes seconds; the drone's settings do not change.
@@ -89,21 +84,22 @@ class OlympeDrone:
             DroneError: the drone cannot be reached, or sends no video.
             InputError: the installed SDK cannot use the ports of the configuration.
         """
-        if self._flight is None:
+        if self._pilot is None:
             sdk = self._sdk()  # first, so that a missing SDK is reported before a missing drone
             remote = self._probe(self._config)
-            flight = _Flight(self._config, sdk, self._commands(), self.clock, remote=remote)
-            flight.link.open()
-            self._flight = flight
+            link = OlympeLink(sdk, self._config, self._commands(), self.clock, remote=remote)
+            link.open()
+            self._pilot = _Pilot(self._config, link, self.clock)
 
     @property
     def stills(self) -> OlympeStills | None:
         """The camera's own photographs; None before connecting."""
-        return None if self._flight is None else self._flight.stills
+        return None if self._pilot is None else self._pilot.link.stills
 
     def observe(self) -> Observation:
         """Return the newest frame and state with their capture times."""
-        return self._connected().observe()
+        self.clock.frame_seen()
+        return self._connected().link.observe()
 
     def send(self, command: Command) -> Command:
         """Send the changes of a command; return the command as it was sent.
@@ -115,62 +111,31 @@ class OlympeDrone:
 
     def disconnect(self) -> None:
         """Disconnect; the firmware then controls the drone. Safe to call twice."""
-        flight, self._flight = self._flight, None
-        if flight is not None:
+        pilot, self._pilot = self._pilot, None
+        if pilot is not None:
             with suppress(DroneError):  # raised for an earlier command
-                flight.stills.give_up()
-            flight.link.close()
+                pilot.link.stills.give_up()
+            pilot.link.close()
 
-    def _connected(self) -> _Flight:
-        if self._flight is None:
+    def _connected(self) -> _Pilot:
+        if self._pilot is None:
             raise DroneError(f"{self._config.where} is not connected: call connect() first")
-        return self._flight
+        return self._pilot
 
 
-class _Flight:
-    """A connection, from the side of the mission's thread, which never waits for the SDK."""
+class _Pilot:
+    """Sends the changes of commands, on the thread of the mission, without waiting for the SDK."""
 
-    def __init__(
-        self,
-        config: OlympeConfig,
-        sdk: Sdk,
-        commands: CommandQueue,
-        clock: FrameClock,
-        *,
-        remote: bool,
-    ) -> None:
+    def __init__(self, config: OlympeConfig, link: OlympeLink, clock: FrameClock) -> None:
         self._config = config
         self._clock = clock
-        self._submit = commands.submit
-        self._telemetry = Telemetry(config, clock.now)
-        self._frames = NewestFrame(config, clock)
-        self.link = OlympeLink(
-            sdk,
-            config,
-            commands,
-            remote=remote,
-            now=clock.now,
-            on_event=self._take_event,
-            on_frame=self._frames.take,
-        )
-        self.stills = OlympeStills(self.link, commands)
+        self.link = link
+        self._submit = link.commands.submit
+        self._telemetry = link.telemetry
         self._speed = SpeedHolder(config)
         self._prepared = False  # whether the drone's limits are set
         self._pitch_rad = math.inf  # the gimbal's last target
         self._ordered_s: dict[str, float] = {}  # times of commands without effect
-
-    def _take_event(self, name: str, args: Mapping[str, Any]) -> None:
-        self._telemetry.take(name, args)
-        self.stills.take(name, args)
-
-    def observe(self) -> Observation:
-        """Return the newest frame and state with their capture times."""
-        self._clock.frame_seen()
-        link = self.link
-        link.settings.check()
-        self.stills.advance()
-        state = replace(self._telemetry.state(), connected=link.connected, lost=link.lost)
-        return Observation(frame=self._frames.newest(state), state=state)
 
     def send(self, command: Command) -> Command:
         """Send the changes of a command; return the command as it was sent."""
@@ -179,14 +144,11 @@ class _Flight:
             movement = self._speed.limited(movement)
         if gimbal is not None:
             gimbal = GimbalTo(pitch_rad=max(_MIN_PITCH_RAD, min(0.0, gimbal.pitch_rad)))
-            self._point(gimbal.pitch_rad)
+            if abs(self._pitch_rad - gimbal.pitch_rad) > _SAME_PITCH_RAD:
+                self._pitch_rad = gimbal.pitch_rad
+                self._send(Kind.GIMBAL, orders.point(gimbal.pitch_rad))
         self._move(movement)
         return replace(command, movement=movement, gimbal=gimbal)
-
-    def _point(self, pitch_rad: float) -> None:
-        if abs(self._pitch_rad - pitch_rad) > _SAME_PITCH_RAD:
-            self._pitch_rad = pitch_rad
-            self._send(Kind.GIMBAL, orders.point(pitch_rad))
 
     def _move(self, movement: Movement) -> None:
         link = self.link

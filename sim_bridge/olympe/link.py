@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final
 
 from sim_bridge.olympe import orders
@@ -17,8 +18,11 @@ from sim_bridge.olympe.orders import Order
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.settings import BorrowedSettings
 from sim_bridge.olympe.speed import Sticks
-from sim_bridge.olympe.video import DecodedFrame, decode_frame
+from sim_bridge.olympe.stills import OlympeStills
+from sim_bridge.olympe.telemetry import Telemetry
+from sim_bridge.olympe.video import FrameClock, NewestFrame, decode_frame
 from uav_bt.errors import DroneError
+from uav_bt.types import Observation
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -36,9 +40,8 @@ class OlympeLink:
     """Connection to one drone, from `open` to `close`; a new connection needs a new link.
 
     The command thread makes, uses and destroys the SDK's object. `open` and `close` wait for that
-    thread, with timeouts; all else that sends must be called on it. Other threads only read
-    whether the SDK is connected, an attribute that the SDK's threads set. On these threads
-    `on_event` is called with full name and arguments of each event, and `on_frame` with each frame.
+    thread, with timeouts; what sends commands or sticks must be called on it. Other threads only
+    read whether the SDK is connected, an attribute that the SDK's threads set.
     """
 
     def __init__(
@@ -46,22 +49,21 @@ class OlympeLink:
         sdk: Sdk,
         config: OlympeConfig,
         commands: CommandQueue,
+        clock: FrameClock,
         *,
         remote: bool,
-        now: Callable[[], float],
-        on_event: Callable[[str, Mapping[str, Any]], None],
-        on_frame: Callable[[DecodedFrame], None],
     ) -> None:
         self._sdk = sdk
         self._config = config
-        self._commands = commands
+        self.commands = commands
         self._remote = remote  # whether a remote control answers at the address
-        self._on_event = on_event
-        self._on_frame = on_frame
         self._drone: Any = None
         self._plays = False  # whether the drone has accepted the request for the video
         self._steering = False  # whether the SDK sends stick positions
-        self.settings: Final = BorrowedSettings(config, self.send, now)
+        self.settings: Final = BorrowedSettings(config, self.send, clock.now)
+        self.telemetry: Final = Telemetry(config, clock.now)
+        self.stills: Final = OlympeStills(self.send, commands, self.web_address)
+        self._frames = NewestFrame(config, clock)
         self._failed: set[str] = set()  # events and frames whose handling failed
         # Set while a remote control is connected to its drone, and without a remote control.
         self._drone_there = threading.Event()
@@ -83,6 +85,13 @@ class OlympeLink:
         drone = self._drone
         return drone is not None and bool(drone.connected)
 
+    def observe(self) -> Observation:
+        """Return the newest frame and state, and send what settings and photographs need next."""
+        self.settings.check()
+        self.stills.advance()
+        state = replace(self.telemetry.state(), connected=self.connected, lost=self.lost)
+        return Observation(frame=self._frames.newest(state), state=state)
+
     def open(self) -> None:
         """Connect and request the video; the drone's settings do not change."""
         try:
@@ -93,7 +102,7 @@ class OlympeLink:
 
     def _open(self) -> None:
         where = self._config.where
-        if not self._commands.run(self._connect, CONNECT_LIMIT_S):
+        if not self.commands.run(self._connect, CONNECT_LIMIT_S):
             raise DroneError(
                 f"{where} accepts a connection, but is not ready for commands after "
                 f"{CONNECT_LIMIT_S:.0f} s: restart it, and check that no other program (a "
@@ -105,7 +114,7 @@ class OlympeLink:
                 "to it: switch the drone on, and wait until the remote control shows the connection"
             )
         # The SDK keeps the timeout itself; a call that takes twice as long hangs.
-        if not self._commands.run(self._play, 2.0 * VIDEO_LIMIT_S) or not self._plays:
+        if not self.commands.run(self._play, 2.0 * VIDEO_LIMIT_S) or not self._plays:
             raise DroneError(
                 f"{where} sends no video (RTSP port {self._config.rtsp_port}) within "
                 f"{VIDEO_LIMIT_S:.0f} s: another program may use it, or a firewall blocks UDP"
@@ -117,14 +126,14 @@ class OlympeLink:
 
         An SDK that exceeds the timeouts finishes in the background.
         """
-        if self._commands.hangs:
-            self._commands.close(self._leave, self._destroy)
+        if self.commands.hangs:
+            self.commands.close(self._leave, self._destroy)
             return
         limit_s = CLOSE_LIMIT_S
         if self.connected:  # otherwise no command is answered, and settings cannot be restored
             limit_s += COMMANDS_LIMIT_S + drone_settings.LIMIT_S
         try:
-            if not self._commands.run(self._leave, limit_s):
+            if not self.commands.run(self._leave, limit_s):
                 _LOG.warning(
                     "the SDK has not disconnected from %s within %g s: the last commands may not "
                     "have reached the drone, and its settings may not be restored",
@@ -133,7 +142,7 @@ class OlympeLink:
                 )
         finally:
             # This takes 30 s for lost drones, and with SDK 7.7.5 always 10 s.
-            self._commands.close(self._destroy)
+            self.commands.close(self._destroy)
 
     def web_address(self) -> tuple[str, int]:
         """Return host and port of the drone's web server."""
@@ -231,7 +240,8 @@ class OlympeLink:
                     self._drone_there.set()
                 else:
                     self._drone_there.clear()
-            self._on_event(name, named)
+            self.telemetry.take(name, named)
+            self.stills.take(name, named)
 
     def _take_frame(self, frame: Any) -> None:
         with self._complaining("its video frames"):
@@ -241,7 +251,7 @@ class OlympeLink:
             finally:
                 frame.unref()
             if decoded is not None:
-                self._on_frame(decoded)
+                self._frames.take(decoded)
 
     @contextmanager
     def _complaining(self, what: str) -> Iterator[None]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import enum
 import logging
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from sim_bridge.olympe import orders
 from sim_bridge.olympe.commands import CommandQueue, Kind
-from sim_bridge.olympe.link import OlympeLink
 from sim_bridge.olympe.media import fetch_photo
 from sim_bridge.olympe.orders import Order
 from uav_bt.protocols import Still, StillState
@@ -55,9 +54,15 @@ class OlympeStills:
     Events arrive on a thread of the SDK, all else comes from the thread of the mission.
     """
 
-    def __init__(self, link: OlympeLink, commands: CommandQueue) -> None:
-        self._link = link
+    def __init__(
+        self,
+        send: Callable[[Order], None],
+        commands: CommandQueue,
+        web_address: Callable[[], tuple[str, int]],
+    ) -> None:
+        self._send_order = send
         self._commands = commands
+        self._web_address = web_address
         self._lock = threading.Lock()  # guards all attributes below
         self._step = _Step.NOTHING
         self._stills: list[Still] = []
@@ -108,7 +113,7 @@ class OlympeStills:
 
     def fetch_still(self, media: str, limit_s: float) -> bytes:
         """Return a saved photograph as a JPEG file, within a limit of seconds; else DroneError."""
-        return fetch_photo(*self._link.web_address(), media, limit_s)
+        return fetch_photo(*self._web_address(), media, limit_s)
 
     def advance(self) -> None:
         """Send the command that the present photograph needs next; called in every tick."""
@@ -135,7 +140,7 @@ class OlympeStills:
 
         def send() -> None:
             try:
-                self._link.send(order)
+                self._send_order(order)
             except Exception as error:  # noqa: BLE001 - the SDK raises many kinds
                 _LOG.warning("a command to the camera failed: %s: %s", type(error).__name__, error)
                 with self._lock:

@@ -6,12 +6,12 @@ import logging
 import math
 import re
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from sim_bridge.olympe.config import OlympeConfig
-from sim_bridge.olympe.moves import MoveLedger
 from sim_bridge.olympe.self_report import SelfReport
 from uav_bt.types import (
     Attitude,
@@ -19,6 +19,9 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     MeasurementTimes,
+    MoveBy,
+    MovementState,
+    MovementStatus,
     rotate,
 )
 
@@ -45,6 +48,75 @@ _LINK_BITS: Final = 0x0F
 _MOVE_ENDED: Final = "ardrone3.PilotingEvent.moveByEnd"
 PILOT: Final = "SkyController"  # piloting source of the pilot; this program is "Controller"
 _EXTENDED_MOVES: Final = (1, 7)  # first firmware version that accepts speeds of a movement
+_REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
+Displacement = tuple[float, float, float, float]  # forward, right, down in metres; yaw in radians
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """An open movement: sent, but not ended."""
+
+    id: int | None  # None: a halt that replaces a movement
+    wanted: Displacement
+
+
+class MoveLedger:
+    """Stores the movements that were sent until the drone reports their end.
+
+    The end events carry no id, only distances. The firmware ends every relative movement with one
+    event, and a second command ends the first one with "interrupted" (ARSDK,
+    ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so the open movements
+    are kept in order.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._open: deque[_Entry] = deque()
+        self.status: MovementStatus | None = None  # status of the latest `MoveBy`
+
+    def begin(self, move: MoveBy) -> bool:
+        """Record a movement that is sent; return False if it was sent already."""
+        with self._lock:
+            if self.status is not None and self.status.id == move.id:
+                return False
+            wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
+            self._open.append(_Entry(move.id, wanted))
+            self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
+            return True
+
+    def halt(self) -> bool:
+        """Record a movement by zero, which ends the latest one; return False if none is running."""
+        with self._lock:
+            if not self._open or self._open[-1].id is None:
+                return False
+            self._open.append(_Entry(None, (0.0, 0.0, 0.0, 0.0)))
+            return True
+
+    def ended(self, error: str, flown: Displacement) -> None:
+        """Handle the drone's end event: ok, interrupted, busy, notAvailable or unknown."""
+        with self._lock:
+            if not self._open:
+                return
+            if error in _REFUSALS:
+                self._close(self._open.pop(), MovementState.REJECTED)
+            elif error == "interrupted":
+                self._close(self._open.popleft(), MovementState.INTERRUPTED)
+            else:
+                # A command or an event may have been lost, so the nearest displacement is selected.
+                done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
+                while self._open[0] is not done:
+                    self._close(self._open.popleft(), MovementState.INTERRUPTED)
+                self._close(self._open.popleft(), MovementState.DONE)
+
+    def drop(self) -> None:
+        """Close all open movements as interrupted, after a landing."""
+        with self._lock:
+            while self._open:
+                self._close(self._open.popleft(), MovementState.INTERRUPTED)
+
+    def _close(self, entry: _Entry, state: MovementState) -> None:
+        if entry.id is not None and self.status is not None and self.status.id == entry.id:
+            self.status = MovementStatus(id=entry.id, state=state)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,11 +24,27 @@ ROOT = Path(__file__).parents[2]
 CLIENTS = ROOT / "benchmarks" / "olympe_clients"
 FAULTS = ROOT / "benchmarks" / "olympe_faults"
 PATIENCE_S = 240.0
+OLYMPE = importlib.util.find_spec("olympe")
+# Examples that Parrot's wheel brings. Those of other drones and those with windows are left out.
+EXAMPLES = (
+    *("takeoff", "takeoff_if_necessary_1", "takeoff_if_necessary_2", "moveby", "moveby2"),
+    *("moveby_edit", "maxtilt", "maxtilt_get", "maxtilt_set", "maxtiltget", "enums", "bitfields"),
+    *("subscriber", "physical_drone", "piloting_hud", "asyncaction", "streaming", "pdraw"),
+    *("streaming_single", "streaming_multiple", "streaming_process_frames"),
+)
 
 pytestmark = [
-    pytest.mark.skipif(importlib.util.find_spec("olympe") is None, reason="Olympe is absent"),
+    pytest.mark.skipif(OLYMPE is None, reason="Olympe is absent"),
     pytest.mark.skipif(os.geteuid() != 0, reason="the ports 80 and 554 take root"),
 ]
+
+
+def programs() -> list[Path]:
+    """Return our programs, and the examples that the installed release has."""
+    home = Path("absent") if OLYMPE is None or OLYMPE.origin is None else Path(OLYMPE.origin).parent
+    folders = home / "examples", home / "doc" / "examples"  # of 8.5 and of 7.7
+    found = [folder / f"{name}.py" for folder in folders for name in EXAMPLES]
+    return [*sorted(CLIENTS.glob("*.py")), *(path for path in found if path.is_file())]
 
 
 @contextmanager
@@ -45,11 +61,12 @@ def served(address: str, *options: str) -> Iterator[subprocess.Popen[str]]:
             server.send_signal(signal.SIGINT)
 
 
-def start(script: Path, address: str) -> subprocess.Popen[str]:
-    """Start a program, which imports nothing from its folder (-P)."""
+def start(script: Path, address: str, folder: Path | None = None) -> subprocess.Popen[str]:
+    """Start a program in a folder; it imports nothing from its own (-P)."""
     return subprocess.Popen(  # noqa: S603
         [sys.executable, "-P", str(script)],
         env=os.environ | {"DRONE_IP": address},
+        cwd=folder,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -69,11 +86,11 @@ def prints(program: subprocess.Popen[str], line: str) -> None:
     assert any(found.strip() == line for found in program.stdout)
 
 
-@pytest.mark.parametrize("script", sorted(CLIENTS.glob("*.py")), ids=lambda script: script.stem)
-def test_a_program_flies(script: Path) -> None:
+@pytest.mark.parametrize("script", programs(), ids=lambda script: script.stem)
+def test_a_program_flies(script: Path, tmp_path: Path) -> None:
     options = ["--skycontroller"] if script.stem == "skycontroller" else []
     with served("127.0.2.1", *options):
-        finish(start(script, "127.0.2.1"))
+        finish(start(script, "127.0.2.1", tmp_path))
 
 
 def test_three_drones_fly_at_once() -> None:
