@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 from sim_bridge.anafi import ANAFI_AIRFRAME
 from uav_bt.errors import InputError
 from uav_bt.settings import check_numbers
 from uav_bt.types import Airframe
-
-if TYPE_CHECKING:
-    from sim_bridge.olympe.drone import OlympeDrone
 
 DISCOVERY_PORT: Final = 44445  # TCP; of ARSDK and of the SDK
 RTSP_PORT: Final = 554  # TCP; of the ANAFI
@@ -70,12 +67,6 @@ class OlympeConfig:
         check_numbers(self, least, {"http_port": _LAST_PORT, "rtsp_port": _LAST_PORT})
         self._host_and_port()
 
-    def create(self) -> OlympeDrone:
-        """Return a bridge to the drone. Its `connect` opens the connection."""
-        from sim_bridge.olympe.drone import OlympeDrone  # noqa: PLC0415  (imports PyAV)
-
-        return OlympeDrone(self)
-
     @property
     def host(self) -> str:
         """The network address of the drone."""
@@ -103,19 +94,3 @@ class OlympeConfig:
                 f"{self.kind}:127.0.0.1:{DISCOVERY_PORT}"
             )
         return parts[1], port
-
-
-@dataclass(frozen=True, kw_only=True)
-class AnafiConfig(OlympeConfig):
-    """A real ANAFI, over its Wi-Fi or through its remote control; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "anafi"
-    default_host: ClassVar[str] = "192.168.42.1"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SphinxConfig(OlympeConfig):
-    """An ANAFI simulated by Sphinx, at the address of its first drone; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "sphinx"
-    default_host: ClassVar[str] = "10.202.0.1"

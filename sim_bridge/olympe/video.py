@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.telemetry import STANDING_M
+from uav_bt.clock import WallClock
 from uav_bt.types import Attitude, DroneState, Frame
 from uav_bt.types.pose import clamp
 
@@ -126,16 +126,12 @@ class CaptureTimes:
         return stamp_s + offset_s - self._latency_s
 
 
-class FrameClock:
+class FrameClock(WallClock):
     """The live clock: real time since its creation, and a tick at each new frame."""
 
     def __init__(self) -> None:
-        self._start_s = time.monotonic()
+        super().__init__()
         self._fresh = threading.Event()  # set while the newest frame has not been used
-
-    def now(self) -> float:
-        """Return the time, s."""
-        return time.monotonic() - self._start_s
 
     def frame_arrived(self) -> None:
         """End the wait; called on the thread of the video."""
@@ -147,7 +143,7 @@ class FrameClock:
 
     def sleep_until(self, time_s: float) -> None:
         """Return at the first new frame after a time, s, or a tenth of a second after it."""
-        time.sleep(max(0.0, time_s - self.now()))
+        super().sleep_until(time_s)
         self._fresh.wait(max(0.0, time_s + NO_FRAME_S - self.now()))
 
 
