@@ -15,7 +15,7 @@ from sim_bridge.olympe import settings as drone_settings
 from sim_bridge.olympe.commands import CommandQueue, Job
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.orders import Order
-from sim_bridge.olympe.sdk import Sdk
+from sim_bridge.olympe.sdk import VIDEO_LIMIT_S, Sdk
 from sim_bridge.olympe.settings import BorrowedSettings
 from sim_bridge.olympe.speed import Sticks
 from sim_bridge.olympe.stills import OlympeStills
@@ -28,7 +28,6 @@ _LOG: Final = logging.getLogger(__name__)
 
 CONNECT_LIMIT_S: Final = 10.0  # chosen: it usually takes two or three, and the SDK waits for 45
 BEHIND_LIMIT_S: Final = 5.0  # of a remote control's report of its drone; chosen
-VIDEO_LIMIT_S: Final = 5.0  # of the request for the video; that of the SDK
 COMMANDS_LIMIT_S: Final = 3.0  # of the queued commands at the end; chosen: one may block for 2 s
 CLOSE_LIMIT_S: Final = 5.0  # of the SDK's disconnection: at most 1 s with a drone that answers
 # Time for which the SDK repeats stick positions, every 25 ms, before it centres them. Chosen: a
@@ -199,9 +198,8 @@ class OlympeLink:
             )
 
     def _play(self) -> None:
-        streaming, port = self._present().streaming, self._config.rtsp_port
-        play = self._sdk.play
-        self._plays = play(streaming, port, VIDEO_LIMIT_S, self._take_frame, remote=self._remote)
+        play, remote = self._sdk.play, self._remote
+        self._plays = play(self._present(), self._config, self._take_frame, remote=remote)
 
     def _leave(self) -> None:
         """Release sticks and settings and disconnect; a failed step does not stop the next ones."""

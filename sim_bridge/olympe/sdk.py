@@ -28,6 +28,7 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
+VIDEO_LIMIT_S: Final = 5.0  # of the request for the video; that of the SDK
 _NEW_API: Final = (8,)  # first version of the second kind
 _DRONE_BEHIND: Final = 100  # a SkyController 3 has the drone's port 80 at 180
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
@@ -72,20 +73,16 @@ class Sdk:
         return config.host, config.http_port + _DRONE_BEHIND
 
     def play(
-        self,
-        streaming: Any,
-        port: int,
-        limit_s: float,
-        on_frame: Callable[[Any], None],
-        *,
-        remote: bool,
+        self, drone: Any, config: OlympeConfig, on_frame: Callable[[Any], None], *, remote: bool
     ) -> bool:
         """Start the video; return whether the drone accepted in time.
 
         Frames come on a thread of the SDK. Each is valid only during the call.
         """
-        asked: dict[str, Any] = {"timeout": limit_s}
-        asked["port"] = None if remote and port == RTSP_PORT else port
+        shared = remote and config.rtsp_port == RTSP_PORT
+        asked: dict[str, Any] = {"port": None if shared else config.rtsp_port}
+        asked["timeout"] = VIDEO_LIMIT_S
+        streaming = drone.streaming
         try:
             if self.version >= _NEW_API:
                 streams = [self.stream(on_frame)]
