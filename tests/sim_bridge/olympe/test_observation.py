@@ -125,68 +125,40 @@ def test_a_measured_height_has_its_own_time_and_a_computed_one_that_of_the_altit
 
 # --- faults ---------------------------------------------------------------------------------------
 
-ALERT, COMPASS = (
-    f"{STATE}.AlertStateChanged",
-    "common.CalibrationState.MagnetoCalibrationRequiredState",
-)
 SENSORS, CHECKLIST = "common.CommonState.SensorsStatesListChanged", "alarms.takeoff_checklist"
-MOTORS = "ardrone3.SettingsState.MotorErrorStateChanged"
-ZOOM, CALIBRATION = "camera.zoom_level", "gimbal.calibration_state"
+ALERT, MOTORS = f"{STATE}.AlertStateChanged", "ardrone3.SettingsState.MotorErrorStateChanged"
+COMPASS = "common.CalibrationState.MagnetoCalibrationRequiredState"
+# What the events have besides, for simplicity all of them.
+OTHER = {"sensorName": "vertical_camera", "check": "gyro", "type": "motor_cutout", "motorIds": 10}
 
 
 @pytest.mark.parametrize(
-    ("event", "bad", "good", "line"),
+    ("event", "name", "values", "line"),
     [
-        (f"{STATE}.HoveringWarning", {"no_gps_too_dark": 1}, {"no_gps_too_dark": 0}, "light: too"),
-        (ALERT, {"state": "cut_out"}, {"state": "none"}, "alert: cut out"),
-        (ALERT, {"state": "motor_error"}, {"state": "low_battery"}, "alert: motor error"),
-        (
-            MOTORS,
-            {"motorIds": 0b1010, "motorError": "errorMotorStalled"},
-            {"motorIds": 0, "motorError": "noError"},
-            "motors: errorMotorStalled of motor 2, 4",
-        ),
-        (
-            MOTORS,
-            {"motorError": "errorEEPROM"},
-            {"motorError": "noError"},
-            "motors: errorEEPROM of a",
-        ),
-        (COMPASS, {"required": 1}, {"required": 2}, "magnetometer: needs a calibration"),
-        (
-            SENSORS,
-            {"sensorName": "vertical_camera", "sensorState": 0},
-            {"sensorName": "vertical_camera", "sensorState": 1},
-            "vertical camera: does not work",
-        ),
-        (ZOOM, {"level": 1.5}, {"level": 1.0}, "camera: zoomed in, 1.5 times"),
-        (CALIBRATION, {"state": "required"}, {"state": "ok"}, "gimbal: needs a calibration"),
-        ("gimbal.alert", {"error": 4}, {"error": 0}, "gimbal: reports an error (4)"),
-        (
-            CHECKLIST,
-            {"check": "gyro", "state": "on"},
-            {"check": "gyro", "state": "off"},
-            "take-off checklist: gyro prevents",
-        ),
-        (
-            "alarms.alarms",
-            {"type": "motor_cutout", "state": "on"},
-            {"type": "motor_cutout", "state": "off"},
-            "alarm: motor cutout",
-        ),
+        (f"{STATE}.HoveringWarning", "no_gps_too_dark", (1, 0), "light: too dark to hover"),
+        (ALERT, "state", ("cut_out", "none"), "alert: cut out"),
+        (ALERT, "state", ("motor_error", "low_battery"), "alert: motor error"),
+        (MOTORS, "motorError", ("errorStalled", "noError"), "motors: errorStalled of motor 2, 4"),
+        (COMPASS, "required", (1, 2), "magnetometer: needs a calibration"),
+        (SENSORS, "sensorState", (0, 1), "vertical camera: does not work"),
+        ("camera.zoom_level", "level", (1.5, 1.0), "camera: zoomed in, 1.5 times"),
+        ("gimbal.calibration_state", "state", ("required", "ok"), "gimbal: needs a calibration"),
+        ("gimbal.alert", "error", (4, 0), "gimbal: reports an error (4)"),
+        (CHECKLIST, "state", ("on", "off"), "take-off checklist: gyro prevents"),
+        ("alarms.alarms", "state", ("on", "off"), "alarm: motor cutout"),
     ],
 )
 def test_each_reported_fault_lasts_until_it_is_withdrawn(
-    event: str, bad: Any, good: Any, line: str, caplog: pytest.LogCaptureFixture
+    caplog: pytest.LogCaptureFixture, event: str, name: str, values: Any, line: str
 ) -> None:
-    report = SelfReport()
-    report.take(event, bad)
-    report.take(event, bad)
+    report, (bad, good) = SelfReport(), values
+    report.take(event, OTHER | {name: bad})
+    report.take(event, OTHER | {name: bad})
     (fault,) = report.faults
     assert f"{fault.what}: {fault.found}".startswith(line)
     assert fault.remedy
     assert caplog.text.count(fault.found) == 1
-    report.take(event, good)
+    report.take(event, OTHER | {name: good})
     assert report.faults == ()
 
 

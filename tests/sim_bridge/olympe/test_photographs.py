@@ -45,10 +45,6 @@ class Flown(Flight):
     def event(self, name: str, **args: object) -> None:
         self.sdk.event(f"camera.{name}", **{"cam_id": 0, **args})
 
-    def card(self, physical: str, content: str) -> None:
-        state = {"physical_state": physical, "file_system_state": content}
-        self.sdk.event("user_storage.state", **state)
-
     def progress(self, *results: str) -> None:
         for result in results:
             name = SAVED.media if result == "photo_saved" else ""
@@ -112,38 +108,33 @@ def test_an_error_of_the_camera_is_the_reason(result: str, reason: str) -> None:
     assert flown.asked[-1] == "recording"
 
 
-@pytest.mark.parametrize(
-    ("physical", "content", "reason"),
-    [
-        ("undetected", "unknown", "the drone has no memory card"),
-        ("too_small", "unknown", "the memory card is too small"),
-        ("available", "format_needed", "the memory card must be formatted"),
-    ],
-)
-def test_without_a_usable_card_nothing_is_sent(physical: str, content: str, reason: str) -> None:
-    flown = Flown()
-    flown.card(physical, content)
-    assert flown.taken().reason == reason
-    assert flown.asked == []
-    flown.card("available", "ready")
-    assert flown.taken().state is StillState.TAKING
+def card(state: str, content: str) -> tuple[str, dict[str, str]]:
+    return "user_storage.state", {"physical_state": state, "file_system_state": content}
+
+
+def choice(mode: str, file_format: str) -> tuple[str, dict[str, str]]:
+    return "camera.photo_mode", {"mode": mode, "file_format": file_format}
 
 
 @pytest.mark.parametrize(
-    ("mode", "file_format", "reason"),
+    ("told", "reason"),
     [
-        ("burst", "jpeg", "the camera is set to 'burst': choose single photographs"),
-        ("single", "dng", "the camera is set to 'dng': choose JPEG"),
+        (card("undetected", "unknown"), "the drone has no memory card"),
+        (card("too_small", "unknown"), "the memory card is too small"),
+        (card("available", "format_needed"), "the memory card must be formatted"),
+        (choice("burst", "jpeg"), "the camera is set to 'burst': choose single photographs"),
+        (choice("single", "dng"), "the camera is set to 'dng': choose JPEG"),
     ],
 )
-def test_another_choice_of_the_pilot_is_left_as_it_is(
-    mode: str, file_format: str, reason: str
+def test_without_a_usable_card_or_by_another_choice_of_the_pilot_nothing_is_sent(
+    told: tuple[str, dict[str, str]], reason: str
 ) -> None:
     flown = Flown()
-    flown.event("photo_mode", mode=mode, file_format=file_format)
+    flown.sdk.event(told[0], **told[1])
     assert flown.taken().reason.startswith(reason)
     assert flown.asked == []
-    flown.event("photo_mode", mode="single", file_format="dng_jpeg")
+    for event, args in (card("available", "ready"), choice("single", "dng_jpeg")):
+        flown.sdk.event(event, **args)
     assert flown.taken().state is StillState.TAKING
 
 
