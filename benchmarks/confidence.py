@@ -1,216 +1,152 @@
 """Fit the confidence of the scale of depth, and compare it with the scale's error.
 
-    python -m benchmarks.confidence fit --rooms runs/rooms/val     # coefficients, training scenes
-    python -m benchmarks.confidence val --rooms runs/rooms/val2    # the table, validation scenes
-    python -m benchmarks.confidence test --rooms runs/rooms/flown  # testing scenes
+    python -m benchmarks.confidence train --rooms runs/rooms/val/*  # coefficients to ship
+    python -m benchmarks.confidence test --rooms runs/rooms/flown/*  # counts to report
 
-A pose is a sequence of three rendered frames, with right and with wrong inputs. Each lab is judged
-with the networks that it is flown with. The exact scale is the median ratio of exact to predicted
-depth on the ground in view or, with little ground, up to 6 m.
+A scale comes from one image, with right or with wrong inputs, as on a drone that has just taken
+off. Each lab is judged with the networks that it is flown with. The exact scale is the median ratio
+of exact to predicted depth on the ground in view or, with little ground, up to 6 m.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.lab_views import frame_of
-from benchmarks.segmentation import scenes_of
-from perception.camera.ground_plane import CameraView, ground_depth
+from benchmarks.segmentation import load_network, scenes_of
+from perception.camera.ground_plane import ground_depth, view_of
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.scale import AdaptiveScale, sample_ground
-from perception.networks.weights_file import SHIPPED_DEPTHS, SHIPPED_UNET, segmentation_file
-from perception.segmentation.runtime import load_segmenter
-from sim_bridge.anafi import anafi_camera
-from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene_file import load_scene
-from sim_bridge.twin.views import View, render_views
+from perception.depth.scale import AdaptiveScale, resized, sample_ground
+from perception.networks.weights_file import SHIPPED_DEPTHS, SHIPPED_UNET
 from uav_bt.app.site import network_of
 from uav_bt.lab.classes import GROUND, MARK, OUTSIDE
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.views import DepthViewPlan, scene_seed
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.learning.views import MAP_SIZE_PX, VIDEO, DepthViewPlan, SampleImage, take_images
+from uav_bt.types.arrays import Flags
 
 WRONG_WEIGHT: Final = 20.0  # right scales that a wrong one counts as; chosen on validation scenes
 _PENALTY: Final = 1e-4  # of the squared coefficients
-_RIGHT: Final = ("own network", "pitch wrong", "height wrong")  # with that network's class map
-_MAP_PX: Final = (224, 112)  # width and height of class maps, and so of the depth in flight
-_TURN_RAD: Final = math.radians(4)  # from frame to frame
-_ADVANCE_M, _APART_S = 0.06, 0.1
+_SEED: Final = 31
 _ENOUGH_PX: Final = 200  # of exact depth, for an exact scale
-Networks = tuple[DepthEstimator, Segmenter, Segmenter]
-_CHANNELS: Final = ([2, 0, 1], [1, 2, 0], [0, 2, 1])  # other orders of red, green and blue
+Wrong = tuple[Flags, float, float]  # what is taken for the ground, errors of pitch and height
 
 
 class JudgedScale(NamedTuple):
-    """The scale of one frame, and its error."""
+    """The scale of one image."""
 
-    lab: str
-    condition: str
-    over_exact: float  # the scale's factor over the exact one
+    condition: str  # with the lab's name
+    right: bool  # within a fifth of the exact scale
     confidence: float
-    measures: dict[str, float]  # of the ground, 0 to 1; empty where earlier frames gave the scale
-
-    @property
-    def right(self) -> bool:
-        """Whether the scale is within a fifth of the exact one."""
-        return abs(math.log(self.over_exact)) <= math.log(1.2)
+    measures: dict[str, float]  # of the ground, 0 to 1
 
 
-def judged_scales(split: str, views: int, seed: int, rooms: Path | None) -> Iterator[JudgedScale]:
+def judged_scales(split: str, views: int, rooms: Sequence[str]) -> Iterator[JudgedScale]:
     """Judge the scales of views of rooms and of both labs."""
     paper, depot = load_lab(), load_lab("depot")
-    furnished = [] if rooms is None else map(load_lab, sorted(rooms.iterdir()))
-    for name, lab, other, count in (
-        *(("room", room, depot, max(1, views // 6)) for room in furnished),
-        *((paper.name, paper, depot, views), (depot.name, depot, paper, views)),
-    ):
-        depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
-        networks = depth, _segmenter(lab), _segmenter(other)
-        for scene in scenes_of(lab, lab.folder.name if name == "room" else f"*{split}-*"):
-            for number, sequence in enumerate(_sequences(scene, count, seed)):
-                key = len(lab.folder.name) if name == "room" else number
-                rng = np.random.default_rng((seed, key))
-                yield from _scales(name, lab, networks, sequence, rng)
+    labs = [("room", load_lab(room), depot, max(1, views // 6)) for room in rooms]
+    labs += [(paper.name, paper, depot, views), (depot.name, depot, paper, views)]
+    for name, lab, other, count in labs:
+        scenes = scenes_of(lab, lab.folder.name if name == "room" else f"*{split}-*")
+        plan = DepthViewPlan(scenes=scenes, views=count, seed=_SEED)
+        network = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
+        for flown in (lab, other):
+            rng = np.random.default_rng(_SEED)
+            segmenter = load_network(network_of(flown).get("model", SHIPPED_UNET), flown.classes)
+            for image in take_images(plan, "unet", segmenter, network):
+                cases = {"other lab's network": (image.seen.is_ground, 0.0, 0.0)}
+                for case, wrong in (planted(image, lab, rng) if flown is lab else cases).items():
+                    if judged := judge(f"{name}, {case}", image, lab, wrong, rng):
+                        yield judged
 
 
-def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:
-    """Render sequences of a slowly turning and advancing camera."""
-    scene = load_scene(name)
-    mixed = scene_seed(seed, scene)
-    rng, poses = np.random.default_rng(mixed), []
-    for pose in DepthViewPlan(scenes=(name,), views=views).poses(scene, mixed):
-        turn = _TURN_RAD if rng.random() < 0.5 else -_TURN_RAD
-        for step in range(3):
-            x_m = pose.x_m + step * _ADVANCE_M * math.cos(pose.yaw_rad)
-            y_m = pose.y_m + step * _ADVANCE_M * math.sin(pose.yaw_rad)
-            poses.append(replace(pose, x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + step * turn))
-    profile = Profile.named("lab")
-    drawn = render_views(scene, poses, truth_size_px=_MAP_PX, profile=profile, seed=mixed)
-    yield from map(list, zip(drawn, drawn, drawn, strict=True))
-
-
-def _segmenter(lab: Lab) -> Segmenter:
-    if (file := segmentation_file(network_of(lab).get("model", SHIPPED_UNET))) is None:
-        raise SystemExit(f"the lab {lab.name} is flown without a network")
-    return load_segmenter(file, lab.classes, threads=2)
-
-
-def _scales(
-    name: str, lab: Lab, networks: Networks, views: Sequence[View], rng: Any
-) -> Iterator[JudgedScale]:
-    """Judge the scales of one sequence."""
-    camera, (width_px, height_px) = anafi_camera(640, 360).resized(*_MAP_PX), _MAP_PX
-    (up, higher), patch = rng.choice((-1.0, 1.0), 2), np.zeros((height_px, width_px), dtype=bool)
+def planted(image: SampleImage, lab: Lab, rng: np.random.Generator) -> dict[str, Wrong]:
+    """Return the inputs of a lab's own network, right and with planted errors."""
+    own, roles = image.seen.is_ground, lab.classes.roles(image.exact.ids)
+    (up, higher), (height_px, width_px) = rng.choice((-1.0, 1.0), 2), roles.shape
     top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
-    rows, columns = rng.integers(12, 40), rng.integers(20, 60)
-    patch[top : top + rows, left : left + columns] = True
-    wrong_rad = up * math.radians(rng.uniform(2.0, 7.0))
-    wrong_height = 1.0 + higher * rng.uniform(0.03, 0.1)
-    for channels in (None, _CHANNELS[rng.integers(len(_CHANNELS))]):
-        scales: defaultdict[str, AdaptiveScale] = defaultdict(AdaptiveScale)
-        for step, view in enumerate(views):
-            shown = view.image if channels is None else view.image[..., channels]
-            frame = frame_of(replace(view, image=np.ascontiguousarray(shown)), step)
-            depth, roles = networks[0].estimate(frame), lab.classes.roles(view.ids)
-            relative = np.asarray(cv2.resize(depth.depth, _MAP_PX), dtype=np.float32)
-            near = (view.depth > 0.3) & (view.depth < 6.0)
-            near = ground if (ground := near & (roles == GROUND)).sum() > _ENOUGH_PX else near
-            if near.sum() <= _ENOUGH_PX:
-                continue
-            exact = float(np.median(view.depth[near] / relative[near]))
-            own, other = (
-                cv2.resize(each.segment(frame).is_ground.astype(np.uint8), _MAP_PX, interpolation=0)
-                for each in networks[1:]
-            )
-            above = roles >= MARK
-            cases: dict[str, Any] = {"own network": own, "other lab's network": other}
-            if channels is None:
-                cases |= {"pitch wrong": own, "height wrong": own}
-                cases |= {"outside as ground": roles == OUTSIDE, "obstacles as ground": above}
-                cases |= {"a patch as ground": patch, "everything as ground": np.ones_like(own)}
-            for condition, each in cases.items():
-                off_rad = wrong_rad if condition == "pitch wrong" else 0.0
-                factor = wrong_height if condition == "height wrong" else 1.0
-                pitch_rad = max(-math.pi / 2, view.pose.pitch_rad + off_rad)
-                height_m = factor * view.pose.z_m
-                seen = CameraView(camera=camera, pitch_rad=pitch_rad, height_m=height_m)
-                sample = sample_ground(relative, each.astype(bool), ground_depth(seen), rng)
-                known_m = height_m if depth.in_heights else None
-                found = scales[condition](sample, step * _APART_S, known_m)
-                if found is not None:
-                    measures = {key: of for key, (of, _) in found.confidence.measures.items()}
-                    colours = "" if channels is None else ", other colours"
-                    sure, off = found.confidence.value or 0.0, found.factor / exact
-                    yield JudgedScale(name, condition + colours, off, sure, measures)
+    patch = np.zeros_like(own)
+    patch[top : top + rng.integers(12, 40), left : left + rng.integers(20, 60)] = True
+    return {
+        "own network": (own, 0.0, 0.0),
+        "pitch wrong": (own, up * math.radians(rng.uniform(2.0, 7.0)), 0.0),
+        "height wrong": (own, 0.0, higher * rng.uniform(0.03, 0.1)),
+        "outside as ground": (roles == OUTSIDE, 0.0, 0.0),
+        "obstacles as ground": (roles >= MARK, 0.0, 0.0),
+        "a patch as ground": (patch, 0.0, 0.0),
+        "everything as ground": (np.ones_like(own), 0.0, 0.0),
+    }
+
+
+def judge(
+    condition: str, image: SampleImage, lab: Lab, wrong: Wrong, rng: np.random.Generator
+) -> JudgedScale | None:
+    """Judge the scale of an image from wrong inputs by the exact one; None without a scale."""
+    (taken, off_rad, off), true = wrong, view_of(image.frame, VIDEO, MAP_SIZE_PX)
+    pitch_rad = max(-math.pi / 2, true.pitch_rad + off_rad)
+    view = replace(true, pitch_rad=pitch_rad, height_m=(1.0 + off) * true.height_m)
+    near = (image.depth_m > 0.3) & (image.depth_m < 6.0)
+    ground = near & (lab.classes.roles(image.exact.ids) == GROUND)
+    near = ground if ground.sum() > _ENOUGH_PX else near
+    if image.relative is None or near.sum() <= _ENOUGH_PX:
+        return None
+    depth, known_m = resized(image.relative.depth, near.shape), view.height_m
+    sample = sample_ground(depth, taken, ground_depth(view), rng)
+    found = AdaptiveScale()(sample, 0.0, known_m if image.relative.in_heights else None)
+    if found is None:
+        return None
+    over_exact = found.factor / float(np.median(image.depth_m[near] / depth[near]))
+    measures = {key: of for key, (of, _) in found.confidence.measures.items()}
+    is_right = abs(math.log(over_exact)) <= math.log(1.2)
+    return JudgedScale(condition, is_right, found.confidence.value or 0.0, measures)
 
 
 def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) -> dict[str, float]:
     """Return the intercept and the coefficients, none negative, of a logistic regression."""
-    own = [each for each in judged if each.measures]
-    names = list(own[0].measures)
-    values = np.array([[each.measures[name] for name in names] for each in own])
-    right = np.array([each.right for each in own], dtype=float)
-    weights = np.where(right > 0.0, 1.0, wrong_weight)
-    weights /= weights.sum()
+    values = np.array([list(each.measures.values()) for each in judged])
+    right = np.array([each.right for each in judged])
 
     def loss(given: np.ndarray) -> float:
-        logits = (2.0 * right - 1.0) * (given[0] + values @ given[1:])
-        return float(weights @ np.logaddexp(0.0, -logits) + _PENALTY * (given[1:] ** 2).sum())
+        logits = np.where(right, 1.0, -1.0) * (given[0] + values @ given[1:])
+        fits = np.average(np.logaddexp(0.0, -logits), weights=np.where(right, 1.0, wrong_weight))
+        return float(fits + _PENALTY * (given[1:] ** 2).sum())
 
-    limits = [(None, None), *[(0.0, None)] * len(names)]
-    begin = np.r_[0.0, np.ones(len(names))]
+    limits: Any = [(None, None)] + [(0.0, None)] * values.shape[1]
+    begin = np.r_[0.0, np.ones(values.shape[1])]
     found = minimize(loss, begin, bounds=limits, method="L-BFGS-B", options={"ftol": 1e-14})
-    return dict(zip(("intercept", *names), found.x.tolist(), strict=True))
+    return dict(zip(("intercept", *judged[0].measures), found.x.tolist(), strict=True))
 
 
 def table(judged: Sequence[JudgedScale]) -> str:
-    """Return shares of the scales by confidence, by lab and condition, and by lab."""
-    tenths = [f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}" for tenth in range(10)]
-    parts: dict[str, list[JudgedScale]] = {tenth: [] for tenth in tenths}
-    for each in judged:
-        tenth = tenths[min(9, int(10.0 * each.confidence))]
-        own = [f"{each.lab}, its own network"] * (each.condition in _RIGHT)
-        for name in (tenth, f"{each.lab}, {each.condition}", *own, "all"):
-            parts.setdefault(name, []).append(each)
+    """Return counts of right and of wrong scales, and of those with a confidence over 0.5."""
     lines = []
-    for name, part in parts.items():
-        right = [each.right for each in part]
-        sure = [each.right for each in part if each.confidence > 0.5]
-        worst = math.exp(max((abs(math.log(each.over_exact)) for each in part), default=0.0))
-        lines.append(
-            f"{name}: {len(part)} scales, {sum(right)} right, worst factor {worst:.2f}; "
-            f"over 0.5: {sum(sure)} of the right, {len(sure) - sum(sure)} wrong"
-        )
+    for name in (*dict.fromkeys(each.condition for each in judged), "all"):
+        part = [each for each in judged if name in (each.condition, "all")]
+        counts = Counter((each.right, each.confidence > 0.5) for each in part)
+        right = f"{counts[True, True]} right scales trusted, {counts[True, False]} doubted"
+        lines.append(f"{name}: {right}; {counts[False, True]} wrong, {counts[False, False]}")
     return "\n".join(lines)
 
 
 def main() -> None:
-    """Print coefficients or the table."""
+    """Print the table, and the coefficients that fit these scenes."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("fit", "train", "val", "test"))
-    parser.add_argument("--views", type=int, default=40, help="poses of a scene")
-    parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--rooms", type=Path, help="folder of generated rooms")
+    parser.add_argument("split", choices=("train", "val", "test"))
+    parser.add_argument("--views", type=int, default=100, help="images of a scene")
+    parser.add_argument("--rooms", nargs="*", default=[], help="folders of generated rooms")
     given = parser.parse_args()
-    split = "train" if given.what == "fit" else given.what
-    judged = list(judged_scales(split, given.views, given.seed, given.rooms))
-    if given.what != "fit":
-        print(table(judged))
-        return
+    judged = list(judged_scales(given.split, given.views, given.rooms))
+    print(table(judged))
     for part in (False, True):  # without and with depth in heights
-        for name, value in fitted([s for s in judged if ("height" in s.measures) is part]).items():
-            print(f"{name}: {value:.2f}")
+        fit = fitted([each for each in judged if ("height" in each.measures) is part])
+        print(", ".join(f"{name}: {value:.2f}" for name, value in fit.items()))
 
 
 if __name__ == "__main__":

@@ -1,28 +1,25 @@
 """Compare the errors of the drone without images with those of the twin's perception, and fit them.
 
-    python -m benchmarks.fit_plain_world                     # ranges, with today's errors
-    python -m benchmarks.fit_plain_world --jitter 0 0.2 0.4  # other sizes of the jitter
+    python -m benchmarks.fit_plain_world --jitter 0 0.2 0.4
     python -m benchmarks.fit_plain_world --network any --scenes ROOM/scenes/ROOM.yaml ...
 
-Both look at the same poses. Bases of obstacles and edges of the ground are compared, bearing by
-bearing, with those in an exact class map of four times the resolution.
+Bases of obstacles and edges of the ground are compared, bearing by bearing, with those in an exact
+class map of four times the resolution.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import math
 from collections import defaultdict
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from benchmarks.lab_views import frame_of
+from benchmarks.segmentation import load_network
 from perception.mapping.contact_scan import find_bases, scan_ground
-from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
-from perception.segmentation.runtime import load_segmenter
+from perception.networks.weights_file import SHIPPED_UNET
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.sight import SIZE_PX, SightErrors
@@ -34,9 +31,8 @@ from uav_bt.types import ClassMap
 from uav_bt.types.arrays import Floats
 
 EXACT_PX: Final = (896, 448)
-RANGES_M: Final = (0.0, 1.0, 1.5, 2.0, 3.0)
+ENDS_M: Final = (1.0, 1.5, 2.0, 3.0, math.inf)  # of bands of ranges
 SAME_RAD: Final = math.radians(0.6)  # bearings nearer than this are one
-LENS: Final = anafi_camera(640, 360)
 Compared = tuple[Floats, int, int]
 
 
@@ -54,20 +50,27 @@ def errors_of(seen: Floats, exact: Floats) -> Compared:
 def row(pairs: list[Compared]) -> str:
     """Return median and 90 % of the absolute range error by range, and shares."""
     errors, cells = np.concatenate([found for found, _, _ in pairs]), []
-    for near, far in itertools.pairwise(RANGES_M):
-        off_m = 100 * np.abs(errors[(errors[:, 0] >= near) & (errors[:, 0] < far), 1])
-        cells.append("{:.1f} {:.1f}".format(*np.percentile(off_m, [50, 90])) if len(off_m) else "-")
+    bands = np.digitize(errors[:, 0], ENDS_M)
+    for band in np.unique(bands):
+        middle, most = 100 * np.percentile(np.abs(errors[bands == band, 1]), [50, 90])
+        cells.append(f"to {ENDS_M[band]} m {middle:.1f} {most:.1f}")
     missed, false = (sum(pair[index] for pair in pairs) for index in (1, 2))
     total = max(len(errors) + missed, 1)
     return f"{', '.join(cells)}; missed {missed / total:.1%}, false {false / total:.1%}"
 
 
-def compare_ranges(given: argparse.Namespace, network: Path) -> None:
+def main() -> None:
     """Print the errors of the twin's ranges, and of those without images by jitter."""
-    generator, profile = np.random.default_rng(5), Profile.named(given.profile)
-    found: dict[str, list[Compared]] = defaultdict(list)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
+    parser.add_argument("--views", type=int, default=60, help="in each scene")
+    parser.add_argument("--scenes", nargs="+", default=VALIDATION_SCENES)
+    parser.add_argument("--network", default=SHIPPED_UNET, help="any, unet, or an ONNX file")
+    given = parser.parse_args()
+    found: defaultdict[str, list[Compared]] = defaultdict(list)
+    generator, profile = np.random.default_rng(5), Profile.named("lab")
     for scene in map(load_scene, given.scenes):
-        segmenter = load_segmenter(network, scene.classes)
+        segmenter = load_network(given.network, scene.classes)
         fine, coarse = Caster(scene, EXACT_PX), Caster(scene, SIZE_PX)
         pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
         poses = sample_flight_poses(scene, np.random.default_rng(11), given.views, lowered=0.5)
@@ -79,27 +82,14 @@ def compare_ranges(given: argparse.Namespace, network: Path) -> None:
                 maps[f"jitter {jitter_px:g} px"] = coarse.cast(view.pose, rays=rays)[0]
             for name, ids in maps.items():
                 seen = ClassMap(ids=ids, classes=scene.classes, captured_s=frame.captured_s)
-                bases[name] = find_bases(scan_ground(seen, frame, LENS.resized(*ids.shape[::-1])))
+                lens = anafi_camera(640, 360).resized(*ids.shape[::-1])
+                bases[name] = find_bases(scan_ground(seen, frame, lens))
             exact = bases.pop("exact")
             for name, contacts in bases.items():
                 found[f"bases, {name}"].append(errors_of(contacts.placed.xy_m, exact.placed.xy_m))
                 found[f"edges, {name}"].append(errors_of(contacts.edges_m, exact.edges_m))
-    print(f"median and 90 % of the absolute range error in cm between {RANGES_M} m")
+    print("median and 90 % of the absolute range error in cm")
     print("\n".join(f"  {name}: {row(found[name])}" for name in sorted(found)))
-
-
-def main() -> None:
-    """Print the errors."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
-    parser.add_argument("--profile", default="lab")
-    parser.add_argument("--views", type=int, default=60, help="in each scene")
-    parser.add_argument("--scenes", nargs="+", default=VALIDATION_SCENES)
-    parser.add_argument("--network", default=SHIPPED_UNET, help="any, unet, or an ONNX file")
-    given = parser.parse_args()
-    if (file := segmentation_file(given.network)) is None:
-        parser.error("--network: expected any, unet, or an ONNX file")
-    compare_ranges(given, file)
 
 
 if __name__ == "__main__":

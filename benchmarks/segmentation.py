@@ -16,9 +16,9 @@ import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from perception.networks.weights_file import SHIPPED_UNET
+from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
-from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from perception.segmentation.runtime import OnnxSegmenter, load_segmenter, shipped_unet
 from sim_bridge.twin.scene_file import load_scene, shipped_scenes
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
@@ -27,6 +27,7 @@ from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.lab_data import MaskSource
 from uav_bt.learning.pick_scores import network_of_lab
 from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.protocols import Segmenter
 from uav_bt.types.arrays import Image
 
 
@@ -39,6 +40,13 @@ def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
         names = ", ".join(known)
         raise InputError(f"no scene of the lab '{lab.name}' matches '{pattern}': {names}")
     return found
+
+
+def load_network(model: str, classes: LabClasses) -> Segmenter:
+    """Return the segmenter of a network by its name, `any` or `unet`, or of an ONNX file."""
+    if (file := segmentation_file(model)) is None:
+        raise SystemExit(f"{model} is no network: expected any, unet, or an ONNX file")
+    return load_segmenter(file, classes, threads=2)
 
 
 def evaluate_segmentation(

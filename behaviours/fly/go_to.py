@@ -13,11 +13,11 @@ from behaviours.fly.mark_track import (
     is_clear,
     straight_to,
 )
-from behaviours.fly.places import FACING_RAD, NO_MAP, OUTSIDE, PlaceLeaf
+from behaviours.fly.places import FACING_RAD, NO_MAP, OUTSIDE_AREA, PlaceLeaf
 from behaviours.fly.steering import GIVES_WAY
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.margins import Margins
-from behaviours.path.to_place import STEP_M, WayTo, way_to
+from behaviours.path.to_place import LAST_STEP_M, WayTo, way_to
 from behaviours.ports import number
 from uav_bt.answers import Rotate
 from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
@@ -125,7 +125,7 @@ class GoTo(PlaceLeaf):
             self.write(FLIGHT_HEIGHT, goal.height_m)
         arrive_m, to_m = self.port_value("arrive_m"), site_map.pose.to_body(goal.x_m, goal.y_m)
         apart_m = math.dist((goal.x_m, goal.y_m), (site_map.pose.x_m, site_map.pose.y_m))
-        ends_here = self._is_mark and arrive_m > STEP_M
+        ends_here = self._is_mark and arrive_m > LAST_STEP_M
         clear = ends_here and is_clear(self, *to_m)
         there = clear if ends_here else self._steps >= _STEPS or apart_m < arrive_m / 2
         if there and apart_m <= arrive_m:
@@ -180,7 +180,7 @@ class GoTo(PlaceLeaf):
         to_m = share * at_m[0], share * at_m[1]
         margin_m = self._margins.touch_m + _STRAIGHT_MORE_M
         if outside or not is_clear(self, *to_m, margin_m=margin_m, assumed=True):
-            return self.fails(OUTSIDE if outside else "no known way")
+            return self.fails(OUTSIDE_AREA if outside else "no known way")
         course = straight_to(fix)
         way = WayTo(course=course, left_m=fix.range_m, bearing_rad=0.0, reason=course.reason)
         return self._go_on(state, way)

@@ -26,7 +26,7 @@ _DOUBTED_S: Final = 1.0  # the map is not used when the views have contradicted 
 FACING_RAD: Final = math.radians(4)  # largest error of a heading
 _FACED_S: Final = 0.3  # a place counts as faced after this time
 NO_MAP: Final = "no map, or the views contradict it"
-OUTSIDE: Final = "the place lies outside the mission's area"
+OUTSIDE_AREA: Final = "the place lies outside the mission's area"
 
 
 class PlaceLeaf(CourseLeaf):
@@ -102,7 +102,7 @@ class PlaceLeaf(CourseLeaf):
         place = self._place or Place.parse(text)
         found = resolve(place, site_map, self._take_off, self._mark)
         if isinstance(found, Goal) and self.is_outside(site_map, found.x_m, found.y_m):
-            return Unresolved(reason=OUTSIDE)
+            return Unresolved(reason=OUTSIDE_AREA)
         if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
             start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
             self._place = replace(start, height_m=place.height_m)

@@ -20,7 +20,7 @@ from uav_bt.types.site_map import SiteMap
 
 # From this distance the drone flies to the place by one step. Chosen: the drone reaches the end of
 # a route with the error of a cell and of its heading.
-STEP_M: Final = 0.35
+LAST_STEP_M: Final = 0.35
 # Without a route to the place, one is flown that ends at least this much nearer to it; chosen.
 _NEARER_M: Final = 0.5
 # A place of the route with less clearance, at this distance, is looked at before it is flown.
@@ -74,7 +74,7 @@ def way_to(
     maps = ClearanceMaps(site_map, recent, margins, crossing=True, over=at)
     course: FollowLeg | Rotate | tuple[float, float] | None = None
     left_m, narrow = apart_m, None
-    if apart_m <= STEP_M and maps[Passage.TIGHT].is_open_to(*place):
+    if apart_m <= LAST_STEP_M and maps[Passage.TIGHT].is_open_to(*place):
         course, reason = (forward_m, right_m), "last step"
     else:
         route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)

@@ -33,7 +33,7 @@ TURN_RAD: Final = math.radians(30)  # one correction; a third of the view
 # of its centre and 0.16 m to either side (`Airframe`), so 0.2 m at any heading. A step of 1 m
 # strays by 0.1 m, and the depth has an error of 0.1 m.
 _FRONT_MARGIN_M: Final = 0.6
-EDGE_MARGIN_M: Final = 0.5  # between the body's centre at the step's end and the ground's end
+GROUND_END_M: Final = 0.5  # between the body's centre at the step's end and the ground's end
 _GROUND_HALF_WIDTH_M: Final = 0.4  # of the strip ahead that must be ground
 _GROUND_SHARE: Final = 0.7  # of the strip's width, at every range
 _GROUND_RANGE_M: Final = 4.0  # from the camera; further away one row spans several decimetres
@@ -91,7 +91,7 @@ class CorridorRule:
             return Blocked(yaw_rad=_held(view, view.tie_break - 0.5), reason="no depth", free_m=0.0)
         relief_m = _MARGIN_RELIEF_M * min(view.full_turns, _MAX_FULL_TURNS)
         reach_m = ground_reach(roles, view) + view.camera.forward_offset_m
-        by_ground_m = reach_m - EDGE_MARGIN_M + relief_m
+        by_ground_m = reach_m - GROUND_END_M + relief_m
         by_corridor_m = corridor.free_distance_m - _FRONT_MARGIN_M + relief_m
         min_step_m = _SHORTEST_STEP_M + (_HYSTERESIS_M if view.turning else 0.0)
         ground_ends = by_ground_m < min_step_m

@@ -37,7 +37,7 @@ from uav_bt.types import MIN_VIEW_HEIGHT_M
 from uav_bt.types.arrays import Flags
 from uav_bt.types.projection import ground_range_to_row
 
-STEP_M: Final = 0.3  # the paper's advance
+ADVANCE_M: Final = 0.3  # the paper's advance
 TURN_RAD: Final = math.radians(30)  # one correction; a third of the view
 _REFERENCE_PIXELS: Final = 224 * 112  # the map size that the paper's pixel counts refer to
 _OBSTACLE_PX: Final = 900.0  # threshold of the high rectangle, as in the paper
@@ -107,7 +107,7 @@ class SegmentationRule:
         way_is_free = obstacles <= obstacle_limit and _keeps_margin(view, relief)
         ground_goes_on = ground >= _GROUND_PX * (1.0 - _GROUND_RELIEF * relief)
         if way_is_free and ground_goes_on:
-            return Advance(forward_m=STEP_M, reason="clear")
+            return Advance(forward_m=ADVANCE_M, reason="clear")
 
         reason = "obstacle" if ground_goes_on else ("edge" if way_is_free else "corner")
         if view.turning:
@@ -131,7 +131,7 @@ def _keeps_margin(view: PolicyView, relief: int) -> bool:
         return view.site_map is None
     margin_m = _MARGIN_M - _MARGIN_RELIEF_M * relief
     # Assumed obstacles may block every path; after a full turn only seen ones count.
-    return view.site_map.near.allows(STEP_M, margin_m=margin_m, assumed=relief == 0)
+    return view.site_map.near.allows(ADVANCE_M, margin_m=margin_m, assumed=relief == 0)
 
 
 def _patches(view: PolicyView) -> tuple[Rectangle, Rectangle]:

@@ -22,8 +22,8 @@ from benchmarks.rooms.assets import USES, load_assets, make_assets
 from benchmarks.rooms.furnish import FLOWN, Assets, Furnisher, RoomPlan
 from benchmarks.rooms.training import export_any, train_any
 from benchmarks.rooms.views import SCENES, ViewKind, score_rooms
-from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
-from perception.segmentation.runtime import load_segmenter
+from benchmarks.segmentation import load_network
+from perception.networks.weights_file import SHIPPED_UNET
 from uav_bt.lab.shipped import load_lab
 
 
@@ -37,9 +37,7 @@ def score(rooms: Path, models: list[str], views: int) -> None:
     """Print the scores of networks on rooms."""
     scenes = [str(scene) for scene in sorted(rooms.glob(SCENES))]
     for model in models:
-        if (path := segmentation_file(model)) is None:
-            raise SystemExit(f"{model} is no network")
-        segmenter = load_segmenter(path, load_lab().classes)
+        segmenter = load_network(model, load_lab().classes)
         for kind in (ViewKind.LEVEL, ViewKind.DOWN):
             print(f"{model}, {len(scenes)} rooms, {kind.value} views:")
             print("\n".join(score_rooms(segmenter, scenes, views, kind)), flush=True)

@@ -6,9 +6,10 @@ the ratios of known to predicted depth: they scatter, they come from one place, 
 the range. On ground they do not change. On a wall, whose depth is constant, they grow with the
 range. A wrong height does not show: it changes all ratios alike.
 
-A logistic regression combines the measures. `python -m benchmarks.confidence fit` gives its
+A logistic regression combines the measures. `python -m benchmarks.confidence train` gives its
 coefficients, for the event that the scale is within a fifth of the exact one. A wrong scale counts
-as twenty right ones there, so that the confidence is low rather than high.
+as twenty right ones there, so that the confidence is low rather than high. That of `history` was
+fitted to sequences of images.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from uav_bt.types.site_map import MapMover
 LIFE_S: Final = 6.0  # a mover is forgotten after this time unseen
 # A mover out of view keeps its velocity for this time. After it the mover may have turned: it is
 # anywhere within the way that it covers at `TURNED_RATIO` of its speed.
-CARRY_S: Final = 0.6
+MOVER_CARRY_S: Final = 0.6
 TURNED_RATIO: Final = 1.5
 TURNED_MPS: Final = 0.5  # least speed for that way; a mover that turns is measured too slow
 WAITS_S: Final = 90.0  # after a movement, what has arrived may be a waiting mover for this time
@@ -65,7 +65,7 @@ _SHARED_M: Final = 0.05
 _OWN_M: Final = 0.3
 _OWN_S: Final = 5.0
 
-STEP_M: Final = 0.1  # between the tested places on a bearing
+ALONG_BEARING_M: Final = 0.1  # between the tested places on a bearing
 HIDDEN_M: Final = 0.9  # assumed distance of a hidden arrival's middle from the body's centre
 HIDDEN_MPS: Final = 0.5  # its assumed speed, towards the drone
 _FROM_M: Final = 0.4  # nearest tested distance; a nearer obstacle would touch the body
@@ -106,7 +106,7 @@ def hidden_arrival(
     if len(hidden_m) < _BEARINGS:
         return None
     ends_m = np.hypot(*hidden_m.T)
-    ranges_m = np.arange(_FROM_M, ends_m.max() + STEP_M, STEP_M)
+    ranges_m = np.arange(_FROM_M, ends_m.max() + ALONG_BEARING_M, ALONG_BEARING_M)
     ahead = hidden_m / ends_m[:, None]
     places_m = pose.points_to_world((ahead[:, None] * ranges_m[:, None]).reshape(-1, 2))
     shape = len(hidden_m), len(ranges_m)
@@ -151,7 +151,7 @@ class MoverTracker:
         """Return which points lie on a mover in view, (N,), at the time of the last prediction."""
         owned = np.zeros(len(points_m), dtype=bool)
         for track in self._tracks:
-            if track.is_under_way and track.time_s - track.seen_s <= CARRY_S:
+            if track.is_under_way and track.time_s - track.seen_s <= MOVER_CARRY_S:
                 apart_m = np.hypot(*(points_m - track.place_m).T)
                 owned |= apart_m <= track.radius_m + _OWNED_M
         return owned
@@ -230,7 +230,7 @@ class MoverTracker:
                 each
                 for each in self._tracks
                 if each.seen_s <= found.first_s
-                and time_s - each.seen_s > CARRY_S
+                and time_s - each.seen_s > MOVER_CARRY_S
                 and math.dist(found.first_m, each.seen_m)
                 <= _turned_mps(each) * (found.first_s - each.seen_s) + _SAME_M
             ]
@@ -242,7 +242,7 @@ class MoverTracker:
     def places_m(self) -> Floats:
         """Return the positions of all tracks, (K, 2) in the map's frame: predicted, or the last."""
         places_m = [
-            track.place_m if track.time_s - track.seen_s <= CARRY_S else track.seen_m
+            track.place_m if track.time_s - track.seen_s <= MOVER_CARRY_S else track.seen_m
             for track in self._tracks
         ]
         return np.array(places_m).reshape(-1, 2)
@@ -285,7 +285,7 @@ class MoverTracker:
             _map_mover(track, time_s)
             for track in self._tracks
             if time_s - track.seen_s <= LIFE_S
-            and (track.moves or (track.has_moved and time_s - track.seen_s > CARRY_S))
+            and (track.moves or (track.has_moved and time_s - track.seen_s > MOVER_CARRY_S))
         )
 
     def _assigned(self, found: list[_Cluster]) -> list[tuple[_Cluster, MoverTrack | None]]:
@@ -311,7 +311,7 @@ def _map_mover(track: MoverTrack, time_s: float) -> MapMover:
     place_m, velocity_mps = track.place_m, track.velocity_mps
     place_m = place_m + (time_s - track.time_s) * velocity_mps
     std_m, std_mps, unseen_s = track.std(0), track.std(1), time_s - track.seen_s
-    if unseen_s > CARRY_S:
+    if unseen_s > MOVER_CARRY_S:
         std_mps = _turned_mps(track)
         place_m, velocity_mps, std_m = track.seen_m, np.zeros(2), std_mps * unseen_s
     return MapMover(

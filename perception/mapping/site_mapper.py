@@ -17,11 +17,11 @@ from perception.mapping.known_objects import KnownObjects
 from perception.mapping.landmarks import Landmarks, drop_missed, find_free, merge
 from perception.mapping.mark_place import MarkPlace
 from perception.mapping.movers import (
+    ALONG_BEARING_M,
     HIDDEN_M,
     HIDDEN_MPS,
     LIFE_S,
     SETTLES_S,
-    STEP_M,
     MoverTracker,
     are_of_known,
     find_arrivals,
@@ -232,7 +232,7 @@ class SiteMapper:
         time_s, hidden_m = view.captured_s, self._recent.unplaced_m
         if not len(hidden_m) or view.height_m < _LOW_M:
             return
-        sides_m = [each.outline_m(STEP_M) for each in self._objects]
+        sides_m = [each.outline_m(ALONG_BEARING_M) for each in self._objects]
         known_m = np.vstack([self._obstacles_m(), *sides_m])
         ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m)
         if ahead is None:

@@ -19,7 +19,7 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 
-H_SHARE: Final = 0.6  # of the mark's top: the panel of the class with the H
+H_AREA_SHARE: Final = 0.6  # of the mark's top: the panel of the class with the H
 # A smaller share of a whole H is a mask error; on boxes such errors reach 0.02. Only from right
 # above the pad, within _ABOVE_M, may the visible share of the H be smaller.
 _SPECK: Final = 0.1
@@ -74,7 +74,7 @@ class HelipadFinder:
         left, right, top, bottom = ground_points(sides, camera, pitch_rad, above_m)
         across, down = right - left, bottom - top
         pixel_m2 = abs(float(across[0] * down[1] - across[1] * down[0]))
-        share = min(1.0, h.area_px * pixel_m2 / (H_SHARE * self._mark.area_m2))
+        share = min(1.0, h.area_px * pixel_m2 / (H_AREA_SHARE * self._mark.area_m2))
         if share < _SPECK and math.hypot(forward_m, right_m) > _ABOVE_M:
             return None
         return MarkSighting(

@@ -224,7 +224,7 @@ class GroundOdometry:
         near = np.asarray(cv2.erode(ground, around), dtype=np.uint8)
         pitch_rad = frame.gimbal_pitch_rad
         view = visual.GroundView(grey, camera.resized(*size), pitch_rad, height_m)
-        farthest = ground_range_to_row(visual.MAX_RANGE_M, view.camera, pitch_rad, height_m)
+        farthest = ground_range_to_row(visual.TRACKED_RANGE_M, view.camera, pitch_rad, height_m)
         near[: max(0, math.ceil(farthest))] = 0
         return frame, (view, near)
 

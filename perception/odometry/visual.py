@@ -31,7 +31,7 @@ _QUALITY: Final = 0.02
 _QUALITY_IN_MASK: Final = 0.001
 _SPACING_PX: Final = 5  # least distance between points
 _WINDOW_PX: Final = 15  # of the optical flow
-MAX_RANGE_M: Final = 4.0  # points on ground further away are too inaccurate
+TRACKED_RANGE_M: Final = 4.0  # points on ground further away are too inaccurate
 _INLIER_M: Final = 0.03  # largest residual on the ground; points on boxes have larger ones
 _MIN_POINTS: Final = 20  # fewer inliers give no motion
 # With a ground mask, fewer inliers of the tracked points give none either. On textured ground 99 %
@@ -82,7 +82,7 @@ def ground_motion(
         return None
     corners = corners.reshape(-1, 2)
     here = ground_points(corners, first.camera, first.gimbal_pitch_rad, first.height_m)
-    near = np.hypot(*here.T) < MAX_RANGE_M
+    near = np.hypot(*here.T) < TRACKED_RANGE_M
     points = corners[near].astype(np.float32), here[near]
     if ground is None:
         return _tracked(points, first, second, guess)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import pytest
@@ -26,10 +25,10 @@ def test_every_bad_room_is_another_lab_that_flies_with_any(tmp_path: Path) -> No
         assert scene.helipad is None
         build_model(scene, drawn=False)
         assert network_of(load_lab(str(path.parents[1])))["model"] == "any"
-        faults = bad_rooms.FAULTS.get(case, ())
+        faults = tuple(CASES[case].get("faults", ()))
         assert all(map(Fault.parse, faults))
         lab = (path.parents[1] / "lab.yaml").read_bytes()
-        found.add((lab, path.read_bytes(), bad_rooms.FOCAL.get(case), faults))
+        found.add((lab, path.read_bytes(), str(CASES[case].get("camera")), faults))
     assert len(found) == len(CASES)
 
 
@@ -46,9 +45,8 @@ def test_the_camera_file_is_wrong_by_its_factor(tmp_path: Path) -> None:
     assert camera.fx_px == pytest.approx(2.0 * anafi_camera(*SIZE_PX).fx_px)
 
 
-def test_depth_is_trusted_and_wrong_or_doubted() -> None:
-    watch = Watch(math.inf)
+def test_shares_of_frames() -> None:
+    watch = Watch()
     assert set(watch.shares().values()) == {None}
-    watch.depths = [(0.9, 0.0), (0.9, -0.3), (0.4, 0.3), (0.3, 0.0)]
-    watch.followed = [True, False]
-    assert watch.shares() == {"trusted_wrong": 0.25, "doubted": 0.5, "followed": 0.5}
+    watch.trusted_wrong, watch.followed = [False, True, False, False], [True, False]
+    assert watch.shares() == {"trusted_wrong": 0.25, "followed": 0.5}

@@ -20,13 +20,13 @@ from uav_bt.types.site_map import SiteMap
 FREE: Final[Colour] = (36, 42, 50)  # free space whose ground was not seen
 SEEN: Final[Colour] = (47, 62, 56)
 PASSED: Final[Colour] = (62, 104, 78)
-OUTSIDE: Final[Colour] = (58, 38, 42)
+OUTSIDE_COLOUR: Final[Colour] = (58, 38, 42)
 _BASES: Final[Colour] = (255, 110, 90)
 _EDGES: Final[Colour] = (214, 204, 150)
 _MOVERS: Final[Colour] = (255, 200, 40)
 _TRUE: Final[Colour] = (120, 190, 255)
 _VIEW: Final[Colour] = (200, 220, 255)
-_LEGEND: Final = (("covered", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
+_LEGEND: Final = (("covered", PASSED), ("seen", SEEN), ("outside", OUTSIDE_COLOUR), ("true", _TRUE))
 FOOTER_PX: Final = 24  # height of the legend
 _LINE_PX: Final = 2  # width of the path and of the outlines of objects
 _SPOT: Final = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))  # drawn shape of a point
@@ -77,7 +77,7 @@ def _draw_cells(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> 
     cells = canvas.blank((columns, rows), BACKDROP)
     cells[site_map.free] = FREE
     cells[site_map.ground] = SEEN
-    cells[site_map.outside] = OUTSIDE
+    cells[site_map.outside] = OUTSIDE_COLOUR
     cells[site_map.passed & site_map.ground] = PASSED
     # The centres of three cells define the affine transform; OpenCV's x is the column.
     columns_rows = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)

@@ -16,7 +16,7 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
-from perception.marks.helipad import H_SHARE
+from perception.marks.helipad import H_AREA_SHARE
 from perception.marks.region import region_on_plane
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
@@ -161,6 +161,6 @@ def mark_ranges(
         by_size = math.hypot(sighting.forward_m - camera.forward_offset_m, sighting.right_m)
     else:
         # Such finders have the range from height and pitch; the area shows the size.
-        whole_m2 = mark.area_m2 * (H_SHARE if mark.kind == "helipad" else 1.0)
+        whole_m2 = mark.area_m2 * (H_AREA_SHARE if mark.kind == "helipad" else 1.0)
         by_size = by_height * math.sqrt(whole_m2 / region.area_m2)
     return by_size, by_height

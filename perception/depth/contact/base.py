@@ -15,7 +15,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from perception.depth.contact.scan import OUTSIDE, Panorama, Runs
+from perception.depth.contact.scan import NOT_IN_IMAGE, Panorama, Runs
 from uav_bt.compiled import compiled
 from uav_bt.types import rotate_points
 from uav_bt.types.arrays import Flags, Floats, Indices
@@ -106,8 +106,8 @@ def find_base(
     below = panorama.next_row(first, columns, ground, -1)
     border = np.tan(0.5 * (depression[first] + depression[below]))
     seen, lowest = np.where(below >= 0, border, np.nan), np.tan(depression[first])
-    under = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], OUTSIDE)
-    outside = under == OUTSIDE  # the image's edge cuts off the lower end
+    under = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], NOT_IN_IMAGE)
+    outside = under == NOT_IN_IMAGE  # the image's edge cuts off the lower end
     line, found, on_line = _believed(azimuth, seen, lowest, outside, panorama.pixel_rad)
     if remembered is not None and line is None and (np.isnan(found) & outside).any():
         recalled = _recalled(azimuth[outside], lowest[outside], remembered, height_m)

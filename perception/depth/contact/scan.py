@@ -16,7 +16,7 @@ from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats, Floats32, Ids, Indices
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
-OUTSIDE: Final = 255  # in the panorama: not in the image
+NOT_IN_IMAGE: Final = 255  # in the panorama: not in the image
 _ROWS_PER_PX: Final = 2  # finer than the image, so that the borders between its pixels are found
 _MIN_DEPRESSION_RAD: Final = 0.02  # below this depression the ground is beyond every lab
 _RUN: Final = 2 * _ROWS_PER_PX  # rows of the side above a base; fewer are mask noise
@@ -32,7 +32,7 @@ rows; (C, A) uppermost row of the class, be it part of a run or not, -1 where it
 class Panorama:
     """The remapped class map; row 0 looks down most steeply."""
 
-    ids: Ids  # (R, A) class ids; OUTSIDE for cells outside the image
+    ids: Ids  # (R, A) class ids; NOT_IN_IMAGE for cells outside the image
     azimuth_rad: Floats  # (A,) of each column, increasing, clockwise from the heading
     depression_rad: Floats  # (R,) of each row, decreasing
     pixel_rad: float  # depression of one pixel at the image's centre
@@ -107,7 +107,7 @@ def _extent(camera: CameraModel, pitch_rad: float, roll_rad: float) -> tuple[flo
 def _remapped(
     ids: Ids, across: Floats32, directions: Floats32, vertical: Floats32, pinhole_px: Floats32
 ) -> Ids:
-    """Look up the nearest pixel of each cell of a panorama; (R, A), OUTSIDE beyond the image.
+    """Look up the nearest pixel of each cell of a panorama; (R, A), NOT_IN_IMAGE beyond the image.
 
     Each camera component of a direction is the sum of a level part by azimuth and a vertical one.
 
@@ -137,7 +137,7 @@ def _remapped(
             places[column] = np.int32(v) * width + np.int32(u) if inside & ahead else np.int32(-1)
         for column in range(remapped.shape[1]):
             place = places[column]
-            remapped[row, column] = pixels[place] if place >= 0 else OUTSIDE
+            remapped[row, column] = pixels[place] if place >= 0 else NOT_IN_IMAGE
     return remapped
 
 
@@ -147,7 +147,7 @@ def _runs(ids: Ids, count: int, run: int) -> Runs:
     rows, columns = ids.shape
     first = np.full((count, columns), -1, dtype=np.int32)
     last = np.full((count, columns), -1, dtype=np.int32)
-    before = np.full(columns, OUTSIDE, dtype=np.uint8)  # class in the row before
+    before = np.full(columns, NOT_IN_IMAGE, dtype=np.uint8)  # class in the row before
     begin = np.zeros(columns, dtype=np.int32)  # row where the present run begins
     for row in range(rows):
         for column in range(columns):

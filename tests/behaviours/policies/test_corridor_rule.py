@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import (
-    EDGE_MARGIN_M,
+    GROUND_END_M,
     TURN_RAD,
     CorridorRule,
     ground_reach,
@@ -48,7 +48,7 @@ def test_the_step_ends_the_edges_margin_before_the_end_of_the_ground() -> None:
     """From the body's centre, 0.15 m behind the lens."""
     decision = decide(ids=cast(ground_m=1.3))
     assert isinstance(decision, Advance)
-    assert decision.forward_m == pytest.approx(1.3 + 0.15 - EDGE_MARGIN_M, abs=0.06)
+    assert decision.forward_m == pytest.approx(1.3 + 0.15 - GROUND_END_M, abs=0.06)
 
 
 def test_remembered_obstacles_shorten_or_forbid_the_step() -> None:

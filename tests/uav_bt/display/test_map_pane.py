@@ -14,7 +14,7 @@ from tests.uav_bt.display.display_world import CAMERA, LAB, World, facts, item, 
 from tests.worlds import values
 from uav_bt.board import MARK, SITE_MAP
 from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame
-from uav_bt.display.map_pane import FOOTER_PX, OUTSIDE, PASSED, SEEN, MapPane, ground_view
+from uav_bt.display.map_pane import FOOTER_PX, OUTSIDE_COLOUR, PASSED, SEEN, MapPane, ground_view
 from uav_bt.display.shown import FlownPath, Shown, phase_colours
 from uav_bt.types import MarkFix, MoverState, Pose, Pose2D
 from uav_bt.types.site_map import MapMover, MapObject, SiteMap
@@ -132,7 +132,7 @@ def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
             live.world.board.write(SITE_MAP, site_map)
         return live.fly(0.5, y_m, math.pi / 2, state=down)
 
-    assert at(shown(0.0, None), 1.2, 0.7) not in {SEEN, PASSED, OUTSIDE}
+    assert at(shown(0.0, None), 1.2, 0.7) not in {SEEN, PASSED, OUTSIDE_COLOUR}
     still = {
         "x_mps": 0.0,
         "y_mps": 0.0,
@@ -146,7 +146,7 @@ def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
     image = shown(0.0, believed(objects=(box_2,), movers=(cart,), obstacles_m=points_m))
     assert at(image, 1.3, 0.8) == SEEN
     assert at(image, -0.2, 0.8) == PASSED
-    assert at(image, 1.3, -0.8) == OUTSIDE
+    assert at(image, 1.3, -0.8) == OUTSIDE_COLOUR
     assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASSES.colours[5]), "an object's side in its colour"
     assert at(image, 0.2, 0.8) == (255, 110, 90), "an obstacle ahead and to the left"
     assert at(image, -0.1 + 0.25, 0.7) == (255, 200, 40), "the circle around a mover"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import CameraView
-from perception.depth.contact.scan import OUTSIDE, Panorama
+from perception.depth.contact.scan import NOT_IN_IMAGE, Panorama
 from tests.paper_lab import CARPET, CLASS_COUNT
 from uav_bt.testing import pinhole
 from uav_bt.types.projection import project
@@ -27,12 +27,12 @@ def test_a_cell_has_the_class_of_the_nearest_pixel(pitch_rad: float, roll_rad: f
         clear = (np.abs(exact % 1.0 - 0.5) > 1e-3).all(axis=-1)
     columns, rows = np.rint(exact[inside & clear]).astype(int).T
     assert np.array_equal(panorama.ids[inside & clear], ids[rows, columns])
-    assert (panorama.ids[~inside & (clear | np.isnan(exact).any(axis=-1))] == OUTSIDE).all()
+    assert (panorama.ids[~inside & (clear | np.isnan(exact).any(axis=-1))] == NOT_IN_IMAGE).all()
 
 
 def panorama_of(*columns: str) -> Panorama:
     """Return a panorama of columns, each from low to high: c carpet, b box, o other, - outside."""
-    table = {"c": CARPET, "b": BOX, "o": 0, "-": OUTSIDE}
+    table = {"c": CARPET, "b": BOX, "o": 0, "-": NOT_IN_IMAGE}
     ids = np.array([[table[cell] for cell in row] for row in zip(*columns, strict=True)], np.uint8)
     azimuth_rad, depression_rad = np.zeros(len(columns)), np.linspace(0.9, 0.1, len(ids))
     return Panorama(ids=ids, azimuth_rad=azimuth_rad, depression_rad=depression_rad, pixel_rad=0.1)
