@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from sim_bridge.olympe.config import OlympeConfig
@@ -32,21 +32,18 @@ class _Setting:
     optional: bool = False  # True: some firmware lacks it, which causes no warning
 
 
-_PILOTING: Final = "ardrone3.PilotingSettings"
-_SPEED: Final = "ardrone3.SpeedSettings"
-_TILT: Final = _Setting(f"{_PILOTING}.MaxTilt", f"{_PILOTING}State.MaxTiltChanged")  # degrees
-_ALTITUDE: Final = _Setting(  # m above the take-off point
-    f"{_PILOTING}.MaxAltitude", f"{_PILOTING}State.MaxAltitudeChanged"
-)
-_CLIMB: Final = _Setting(  # m/s
-    f"{_SPEED}.MaxVerticalSpeed", f"{_SPEED}State.MaxVerticalSpeedChanged"
-)
-_ROTATION: Final = _Setting(  # degrees per second
-    f"{_SPEED}.MaxRotationSpeed", f"{_SPEED}State.MaxRotationSpeedChanged"
-)
-_BANKED_TURN: Final = _Setting(
-    *(f"{_PILOTING}.BankedTurn", f"{_PILOTING}State.BankedTurnChanged", "value", "state"),
-    optional=True,
+def _limit(group: str, name: str) -> _Setting:
+    return _Setting(
+        f"ardrone3.{group}Settings.{name}", f"ardrone3.{group}SettingsState.{name}Changed"
+    )
+
+
+_TILT: Final = _limit("Piloting", "MaxTilt")  # degrees
+_ALTITUDE: Final = _limit("Piloting", "MaxAltitude")  # m above the take-off point
+_CLIMB: Final = _limit("Speed", "MaxVerticalSpeed")  # m/s
+_ROTATION: Final = _limit("Speed", "MaxRotationSpeed")  # degrees per second
+_BANKED_TURN: Final = replace(
+    _limit("Piloting", "BankedTurn"), argument="value", reported="state", optional=True
 )
 _RETURN_HOME: Final = _Setting("rth.set_auto_trigger_mode", "rth.auto_trigger_mode", "mode", "mode")
 _Values = Mapping[_Setting, Any]

@@ -43,8 +43,6 @@ _FLYING: Final = {
     "emergency": FlyingState.EMERGENCY,
 }
 _NO_MOVES: Final = frozenset(set(FlyingState) - {FlyingState.HOVERING, FlyingState.FLYING})
-_BEST_LINK: Final = 5.0  # ARSDK, common.CommonState.LinkSignalQuality: 1 to 5 in the lower bits
-_LINK_BITS: Final = 0x0F
 _MOVE_ENDED: Final = "ardrone3.PilotingEvent.moveByEnd"
 PILOT: Final = "SkyController"  # piloting source of the pilot; this program is "Controller"
 _EXTENDED_MOVES: Final = (1, 7)  # first firmware version that accepts speeds of a movement
@@ -126,9 +124,7 @@ class Known:
     measured: MeasurementTimes = field(default_factory=lambda: MeasurementTimes.all_at(-math.inf))
     flying: FlyingState = FlyingState.LANDED
     attitude: Attitude = field(default_factory=Attitude)
-    north_mps: float = 0.0
-    east_mps: float = 0.0
-    down_mps: float = 0.0
+    speed_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)  # north, east, down
     altitude_m: float = 0.0
     ground_m: float | None = None  # height above the surface below; only some firmware sends it
     gimbal_pitch_rad: float = 0.0
@@ -156,14 +152,6 @@ def _attitude(args: Args) -> dict[str, Any]:
     return {"attitude": Attitude(**angles)}
 
 
-def _speed(args: Args) -> dict[str, Any]:
-    return {"north_mps": args["speedX"], "east_mps": args["speedY"], "down_mps": args["speedZ"]}
-
-
-def _link(args: Args) -> dict[str, Any]:
-    return {"link": min(1.0, (int(args["value"]) & _LINK_BITS) / _BEST_LINK)}
-
-
 def _firmware(args: Args) -> dict[str, Any]:
     parts = re.findall(r"[0-9]+", str(args["software"]))
     return {"firmware": tuple(int(part) for part in parts)}
@@ -172,11 +160,14 @@ def _firmware(args: Args) -> dict[str, Any]:
 _READERS: Final[Mapping[str, Callable[[Args], dict[str, Any]]]] = {
     "ardrone3.PilotingState.FlyingStateChanged": _flying,
     "ardrone3.PilotingState.AttitudeChanged": _attitude,
-    "ardrone3.PilotingState.SpeedChanged": _speed,
+    "ardrone3.PilotingState.SpeedChanged": lambda a: {
+        "speed_mps": (a["speedX"], a["speedY"], a["speedZ"])
+    },
     "ardrone3.PilotingState.AltitudeChanged": lambda a: {"altitude_m": a["altitude"]},
     "ardrone3.PilotingState.AltitudeAboveGroundChanged": lambda a: {"ground_m": a["altitude"]},
     "common.CommonState.BatteryStateChanged": lambda a: {"battery": a["percent"] / 100.0},
-    "common.CommonState.LinkSignalQuality": _link,
+    # 1 to 5 in the lower bits (ARSDK).
+    "common.CommonState.LinkSignalQuality": lambda a: {"link": min(1.0, (a["value"] & 0x0F) / 5.0)},
     "common.SettingsState.ProductVersionChanged": _firmware,
     "gimbal.attitude": lambda a: {"gimbal_pitch_rad": math.radians(a["pitch_absolute"])},
     "skyctrl.CoPilotingState.pilotingSource": lambda a: {"source": a["source"]},
@@ -228,8 +219,9 @@ class Telemetry:
         if height_m is None:
             height_m = known.altitude_m + STANDING_M
             measured = replace(measured, height_s=measured.altitude_s)
-        ahead, right = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
-        velocity = BodyVelocity(forward_mps=ahead, right_mps=right, down_mps=known.down_mps)
+        north, east, down = known.speed_mps
+        ahead, right = rotate(north, east, -known.attitude.yaw_rad)
+        velocity = BodyVelocity(forward_mps=ahead, right_mps=right, down_mps=down)
         return DroneState(
             captured_s=measured.oldest_s,
             flying=known.flying,

@@ -29,7 +29,6 @@ from uav_bt.types import (
     MoveBy,
     Movement,
     Release,
-    TakeOff,
     Velocity,
 )
 
@@ -263,11 +262,3 @@ def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCapture
         "the drone's data cannot be used: its event ardrone3.PilotingState.AltitudeChanged"
     )
     flight.drone.disconnect()
-
-
-def test_a_take_off_is_sent_after_the_limits() -> None:
-    flight = Flight(threaded=True)
-    flight.play(TakeOff())
-    flight.drone.disconnect()
-    names = flight.sdk.names()
-    assert names.index("BankedTurn") < names.index("TakeOff") < names.index("BankedTurn", 6)
