@@ -357,8 +357,14 @@ def test_sticks_stay_within_a_hundred_percent(order: Velocity, measured: float) 
     assert max(map(abs, sticks)) <= 100
 
 
-def test_a_standing_drone_without_an_order_has_centred_sticks() -> None:
-    assert SpeedHolder(config()).sticks(Velocity(), BodyVelocity(), 0.0, FULL) == Sticks()
+@pytest.mark.parametrize(("speed_mps", "brakes"), [(0.0, False), (0.05, False), (0.5, True)])
+def test_a_drone_without_an_order_brakes_and_then_holds_its_position_itself(
+    speed_mps: float, *, brakes: bool
+) -> None:
+    measured = BodyVelocity(forward_mps=speed_mps)
+    sticks = SpeedHolder(config()).sticks(Velocity(), measured, 0.0, FULL)
+    assert (sticks.pitch < 0) is brakes
+    assert (sticks == Sticks()) is not brakes
 
 
 @pytest.mark.parametrize("plant", ["tilt", "speed"])
