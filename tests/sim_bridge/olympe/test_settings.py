@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 
@@ -78,11 +79,13 @@ def test_a_late_report_is_waited_for_before_anything_is_changed(
     event = SETTINGS[MAX_TILT][0]
     later = threading.Timer(0.05, lambda: world.made[0].event(event, current=15.0))
     world.on_connect = lambda _: later.start()
+    began_s = time.monotonic()
     flight = Flight(world)
     flight.play(TakeOff())
     flight.drone.disconnect()
     tilts = [args["current"] for name, args in flight.sdk.sent if name == MAX_TILT]
     assert tilts[1:] == [15.0]
+    assert time.monotonic() - began_s < PATIENCE_S
 
 
 @pytest.mark.parametrize(
