@@ -25,8 +25,8 @@ CLIENTS = ROOT / "benchmarks" / "olympe_clients"
 FAULTS = ROOT / "benchmarks" / "olympe_faults"
 PATIENCE_S = 240.0
 OLYMPE = importlib.util.find_spec("olympe")
-# Examples that Parrot's wheel brings, without those of other drones, of recordings, with windows, and
-# without `maxtilt_get`: the SDK sometimes crashes if it disconnects as soon as it is connected.
+# Examples that Parrot's wheel brings, without those of other drones, of recordings, and with
+# windows, and without `maxtilt_get`: the SDK may crash if it disconnects as soon as it connected.
 EXAMPLES = (
     *("takeoff", "takeoff_if_necessary_1", "takeoff_if_necessary_2", "moveby", "moveby2"),
     *("moveby_edit", "maxtilt", "maxtilt_set", "maxtiltget", "enums", "bitfields"),
