@@ -3,6 +3,7 @@
 
 import os
 import tempfile
+import time
 from pathlib import Path
 
 import olympe
@@ -18,6 +19,9 @@ for _ in range(2):
     drone(take_photo(cam_id=0)).wait(_timeout=5)
     assert saved.wait(_timeout=10).success()
 media_id = saved.received_events().last().args["media_id"]
+for _ in range(100):  # the SDK's list follows notifications of the web server
+    if media_id not in drone.media.list_media():
+        time.sleep(0.1)
 assert media_id in drone.media.list_media(), drone.media.list_media()
 assert len(drone.media.list_media()) == 2
 (resource_id,) = drone.media.list_resources(media_id)

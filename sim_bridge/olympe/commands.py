@@ -39,10 +39,7 @@ class CommandQueue:
 
     Stick positions, gimbal targets and similar commands replace waiting ones, so that a blocking
     call causes no backlog. A landing or a motor cut goes to the front, and the waiting movements
-    are dropped.
-
-    The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
-    than their callers wait. The thread still finishes such a call before the next command.
+    are dropped. The SDK's object is made, used and destroyed on this thread only.
     """
 
     def __init__(self) -> None:
@@ -50,15 +47,13 @@ class CommandQueue:
         self._changed = threading.Condition()
         self._closed = False
         self._fault: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="olympe commands", daemon=True)
-        self._thread.start()
+        self.hangs = False  # whether the job of a `run` took longer than its caller waited
+        threading.Thread(target=self._run, name="olympe commands", daemon=True).start()
 
     def submit(self, kind: Kind, job: Job) -> None:
-        """Queue a command.
+        """Queue a command; raise the error of an earlier one, once.
 
-        Raises:
-            Exception: an earlier command raised it; it is raised once. The new command is still
-                queued, because it may be the landing.
+        The new command is queued in any case, because it may be the landing.
         """
         with self._changed:
             self._put(kind, job)
@@ -67,17 +62,9 @@ class CommandQueue:
             raise fault
 
     def run(self, job: Job, limit_s: float) -> bool:
-        """Run a job after the waiting commands, and wait for its end.
+        """Run a job after the waiting commands; return whether it ended in time.
 
-        Args:
-            job: opens or closes the connection.
-            limit_s: longest wait, s. A job that takes longer is still finished.
-
-        Returns:
-            Whether the job ended in time.
-
-        Raises:
-            Exception: the job raised it in time; later errors are logged.
+        A job that takes longer is still finished. Its error is raised in time, or logged later.
         """
         future: Future[None] = Future()
 
@@ -91,17 +78,19 @@ class CommandQueue:
 
         with self._changed:
             self._put(Kind.CONNECTION, work)
+        self.hangs = True  # also if the wait is interrupted
         if not wait([future], limit_s).done:
             future.add_done_callback(_report_late)
             return False
+        self.hangs = False
         future.result()
         return True
 
     def close(self, *last: Job) -> None:
-        """Accept no more commands; run the queued ones, then the last ones.
+        """Accept no more commands; run the queued ones, then the last ones. Returns at once.
 
-        Returns at once. Errors that no later `submit` can raise are logged: one that was not yet
-        raised, and those of the remaining commands.
+        Errors that no later `submit` can raise are logged: one that was not yet raised, and those
+        of the remaining commands.
         """
         with self._changed:
             for job in last:
@@ -116,16 +105,15 @@ class CommandQueue:
         if self._closed:
             raise DroneError("the connection to the drone is closed: call connect() first")
         if kind is Kind.END:
-            self._keep(lambda waiting: waiting not in _DROPPED_BY_END)
+            self._drop(_DROPPED_BY_END)
             self._jobs.appendleft((kind, job))
         else:
-            if kind in _REPLACES_ITSELF:
-                self._keep(lambda waiting: waiting is not kind)
+            self._drop(_REPLACES_ITSELF & {kind})
             self._jobs.append((kind, job))
         self._changed.notify()
 
-    def _keep(self, wanted: Callable[[Kind], bool]) -> None:
-        self._jobs = deque(entry for entry in self._jobs if wanted(entry[0]))
+    def _drop(self, kinds: frozenset[Kind]) -> None:
+        self._jobs = deque(entry for entry in self._jobs if entry[0] not in kinds)
 
     def _next(self) -> Job | None:
         with self._changed:
@@ -138,10 +126,9 @@ class CommandQueue:
             try:
                 job()
             except BaseException as error:  # noqa: BLE001  # cancellations are not an Exception
-                self._failed(error)
+                self._failed(_fault(error))
 
-    def _failed(self, error: BaseException) -> None:
-        fault = _fault(error)
+    def _failed(self, fault: Exception) -> None:
         with self._changed:
             kept = self._fault is None and not self._closed
             if kept:

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 from sim_bridge.anafi import anafi_camera
-from sim_bridge.olympe.commands import CommandQueue, Job, Kind
+from sim_bridge.olympe import orders
+from sim_bridge.olympe.commands import CommandQueue, Kind
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.link import OlympeLink
-from sim_bridge.olympe.media import fetch_photo
-from sim_bridge.olympe.moves import MoveLedger
+from sim_bridge.olympe.orders import Order
 from sim_bridge.olympe.probe import probe
 from sim_bridge.olympe.sdk import Sdk, load_sdk
-from sim_bridge.olympe.speed import SpeedHolder
+from sim_bridge.olympe.speed import SpeedHolder, gentle_tilt_rad
 from sim_bridge.olympe.stills import OlympeStills
-from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
-from sim_bridge.olympe.video import FrameClock, NewestFrame
+from sim_bridge.olympe.telemetry import PILOT
+from sim_bridge.olympe.video import FrameClock
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     Command,
@@ -35,38 +35,22 @@ from uav_bt.types import (
     Velocity,
 )
 
-_SAME_PITCH_RAD: Final = 1e-3  # rad; chosen: 1/20 degree. Smaller changes are not sent.
-_MIN_PITCH_RAD: Final = -math.pi / 2  # rad, straight down; the end stop of the gimbal (Parrot)
-_FRAME_RATE_HZ: Final = 30.0  # frame rate of the ANAFI's stream
+_FRAME_RATE_HZ: Final = 30.0  # of the ANAFI's stream
+# Time after which a take-off or landing without effect is repeated. Chosen: the SDK drops a packet
+# without acknowledgement after 0.9 s.
+_REPEAT_S: Final = 1.0
+_SAME_PITCH_RAD: Final = 1e-3  # chosen: 1/20 degree. Smaller changes are not sent.
+_MIN_PITCH_RAD: Final = -math.pi / 2  # straight down; the end stop of the gimbal (Parrot)
 # States in which a take-off or a landing need not be commanded (again).
 _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDING})
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
-
-
-@dataclass(kw_only=True)
-class _Flight:
-    """Objects that exist while connected."""
-
-    link: OlympeLink
-    telemetry: Telemetry
-    frames: NewestFrame
-    commands: CommandQueue
-    speed: SpeedHolder
-    stills: OlympeStills
-    ordered_s: dict[str, float] = field(default_factory=dict)  # times of commands without effect
-    prepared: bool = False  # whether the drone's limits are set
-    pitch_rad: float | None = None  # the gimbal's last target
+_STEERABLE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
 
 class OlympeDrone:
     """Flies an ANAFI, real or simulated by Sphinx; implements `Drone` and `Photographing`.
 
-    Args:
-        config: address, limits and timeouts.
-        sdk: loads Parrot's SDK; tests pass a scripted one.
-        probe_first: returns whether a remote control answers; raises an error if nothing answers.
-        clock: the live clock.
-        commands: makes the command queue.
+    Tests pass a scripted SDK, probe and command queue.
     """
 
     def __init__(
@@ -90,7 +74,7 @@ class OlympeDrone:
         self.referee: Final = None  # only simulated drones have ground truth
         self.live = True  # a real drone is checked before it takes off
         self.tick_s = 1.0 / _FRAME_RATE_HZ
-        self._flight: _Flight | None = None
+        self._pilot: _Pilot | None = None
 
     def connect(self) -> None:
         """Connect and start the video, which takes seconds; the drone's settings do not change.
@@ -100,70 +84,22 @@ class OlympeDrone:
             DroneError: the drone cannot be reached, or sends no video.
             InputError: the installed SDK cannot use the ports of the configuration.
         """
-        if self._flight is not None:
-            return
-        config, clock = self._config, self.clock
-        sdk = self._sdk()  # first, so that a missing SDK is reported before a missing drone
-        config = replace(config, remote_control=self._probe(config))
-        telemetry = Telemetry(
-            clock.now,
-            take_off_surface_m=config.take_off_surface_m,
-            return_home=config.return_home,
-        )
-        frames = NewestFrame(
-            config.image_size_px,
-            clock.now,
-            latency_s=config.video_latency_s,
-            arrived=clock.frame_arrived,
-        )
-        commands = self._commands()
-
-        def take_event(name: str, args: Mapping[str, Any]) -> None:
-            telemetry.take(name, args)
-            stills.take(name, args)
-
-        link = OlympeLink(
-            sdk,
-            config,
-            commands,
-            now=clock.now,
-            on_event=take_event,
-            on_frame=frames.take,
-        )
-        stills = OlympeStills(
-            link.orders,
-            lambda job: commands.submit(Kind.CAMERA, job),
-            lambda media, limit_s: fetch_photo(*link.web_address(), media, limit_s),
-        )
-        link.open()
-        self._flight = _Flight(
-            link=link,
-            telemetry=telemetry,
-            frames=frames,
-            commands=commands,
-            speed=SpeedHolder(config),
-            stills=stills,
-        )
+        if self._pilot is None:
+            sdk = self._sdk()  # first, so that a missing SDK is reported before a missing drone
+            remote = self._probe(self._config)
+            link = OlympeLink(sdk, self._config, self._commands(), self.clock, remote=remote)
+            link.open()
+            self._pilot = _Pilot(self._config, link, self.clock)
 
     @property
     def stills(self) -> OlympeStills | None:
         """The camera's own photographs; None before connecting."""
-        return None if self._flight is None else self._flight.stills
+        return None if self._pilot is None else self._pilot.link.stills
 
     def observe(self) -> Observation:
-        """Return the newest frame and state with their capture times.
-
-        Raises:
-            DroneError: not connected.
-        """
-        flight = self._connected()
+        """Return the newest frame and state with their capture times."""
         self.clock.frame_seen()
-        link = flight.link
-        link.check_settings()
-        flight.stills.advance()
-        state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
-        above_ground_m = self._config.take_off_surface_m + STANDING_M
-        return Observation(frame=flight.frames.newest(state, above_ground_m), state=state)
+        return self._connected().link.observe()
 
     def send(self, command: Command) -> Command:
         """Send the changes of a command; return the command as it was sent.
@@ -171,134 +107,137 @@ class OlympeDrone:
         Raises:
             DroneError: not connected, or the SDK refused an earlier command.
         """
-        flight = self._connected()
-        movement, gimbal = command.movement, command.gimbal
-        if isinstance(movement, Velocity):
-            movement = flight.speed.limited(movement)
-        if gimbal is not None:
-            gimbal = GimbalTo(pitch_rad=max(_MIN_PITCH_RAD, min(0.0, gimbal.pitch_rad)))
-            self._point(flight, gimbal.pitch_rad)
-        self._move(flight, movement)
-        return replace(command, movement=movement, gimbal=gimbal)
+        return self._connected().send(command)
 
     def disconnect(self) -> None:
         """Disconnect; the firmware then controls the drone. Safe to call twice."""
-        flight, self._flight = self._flight, None
-        if flight is not None:
+        pilot, self._pilot = self._pilot, None
+        if pilot is not None:
             with suppress(DroneError):  # raised for an earlier command
-                flight.stills.give_up()
-            flight.link.close()
+                pilot.link.stills.give_up()
+            pilot.link.close()
 
-    def _point(self, flight: _Flight, pitch_rad: float) -> None:
-        known = flight.pitch_rad
-        if known is None or abs(known - pitch_rad) > _SAME_PITCH_RAD:
-            flight.pitch_rad = pitch_rad
-            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.orders.point(pitch_rad))
+    def _connected(self) -> _Pilot:
+        if self._pilot is None:
+            raise DroneError(f"{self._config.where} is not connected: call connect() first")
+        return self._pilot
 
-    def _move(self, flight: _Flight, movement: Movement) -> None:
-        orders, submit = flight.link.orders, flight.commands.submit
+
+class _Pilot:
+    """Sends the changes of commands, on the thread of the mission, without waiting for the SDK."""
+
+    def __init__(self, config: OlympeConfig, link: OlympeLink, clock: FrameClock) -> None:
+        self._config = config
+        self._clock = clock
+        self.link = link
+        self._submit = link.commands.submit
+        self._telemetry = link.telemetry
+        self._speed = SpeedHolder(config)
+        self._prepared = False  # whether the drone's limits are set
+        self._pitch_rad = math.inf  # the gimbal's last target
+        self._ordered_s: dict[str, float] = {}  # times of commands without effect
+
+    def send(self, command: Command) -> Command:
+        """Send the changes of a command; return the command as it was sent."""
+        movement, gimbal = command.movement, command.gimbal
+        if isinstance(movement, Velocity):
+            movement = self._speed.limited(movement)
+        if gimbal is not None:
+            gimbal = GimbalTo(pitch_rad=max(_MIN_PITCH_RAD, min(0.0, gimbal.pitch_rad)))
+            if abs(self._pitch_rad - gimbal.pitch_rad) > _SAME_PITCH_RAD:
+                self._pitch_rad = gimbal.pitch_rad
+                self._send(Kind.GIMBAL, orders.point(gimbal.pitch_rad))
+        self._move(movement)
+        return replace(command, movement=movement, gimbal=gimbal)
+
+    def _move(self, movement: Movement) -> None:
+        link = self.link
         if isinstance(movement, CutMotors):
-            submit(Kind.END, orders.cut_motors)
+            self._send(Kind.END, orders.EMERGENCY)
             return
         if isinstance(movement, Land):
-            flight.speed.reset()
+            self._speed.reset()
             # First: the other commands may fail.
-            self._repeat(flight, Kind.END, "land", orders.land, done=_is_in(flight, _DOWN))
-            submit(Kind.STICKS, orders.let_go)
-            self._take_sticks(flight)
+            if self._is_due("land", done=self._flying in _DOWN):
+                self._submit(Kind.END, link.land)
+            self._submit(Kind.STICKS, link.let_go)
+            self._take_sticks()
             return
         if isinstance(movement, Release):
-            flight.speed.reset()
-            self._stop_moving(flight)
-            submit(Kind.STICKS, orders.let_go)
-            self._lend_sticks(flight)
+            self._speed.reset()
+            self._stop_moving()
+            self._submit(Kind.STICKS, link.let_go)
+            self._lend_sticks()
             return
-        self._take_sticks(flight)
+        self._take_sticks()
         if isinstance(movement, Velocity):
-            self._steer(flight, movement)
+            self._steer(movement)
             return
-        flight.speed.reset()
+        self._speed.reset()
         if isinstance(movement, MoveBy):
-            self._start(flight, movement)
+            self._start(movement)
         elif isinstance(movement, TakeOff):
-            self._prepare(flight)
-            self._repeat(flight, Kind.MOVE, "take off", orders.take_off, done=_is_in(flight, _UP))
+            self._prepare()
+            if self._is_due("take off", done=self._flying in _UP):
+                self._send(Kind.MOVE, orders.TAKE_OFF)
         else:
-            self._stop_moving(flight)
-            submit(Kind.STICKS, orders.centre)
+            self._stop_moving()
+            self._submit(Kind.STICKS, link.centre)
 
-    def _steer(self, flight: _Flight, order: Velocity) -> None:
-        state = flight.telemetry.state()
-        if state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
-            return
-        self._prepare(flight)
-        self._stop_moving(flight)
-        sticks = flight.speed.sticks(order, state.velocity, self.clock.now())
-        flight.commands.submit(Kind.STICKS, lambda: flight.link.orders.steer(sticks))
+    @property
+    def _flying(self) -> FlyingState:
+        return self._telemetry.known.flying
 
-    def _start(self, flight: _Flight, move: MoveBy) -> None:
-        self._prepare(flight)
-        at_speed = flight.telemetry.has_extended_moves
+    def _steer(self, order: Velocity) -> None:
+        if self._flying in _STEERABLE:
+            self._prepare()
+            self._stop_moving()
+            measured, full = self._telemetry.state().velocity, self.link.settings.full_sticks()
+            sticks = self._speed.sticks(order, measured, self._clock.now(), full)
+            self._submit(Kind.STICKS, lambda: self.link.steer(sticks))
 
-        def begin(moves: MoveLedger) -> None:
-            if not moves.is_latest(move):
-                moves.sent(move)
-                flight.commands.submit(
-                    Kind.MOVE, lambda: flight.link.orders.move(move, at_speed=at_speed)
-                )
+    def _start(self, move: MoveBy) -> None:
+        self._prepare()
+        if self._telemetry.moves.begin(move):
+            extended = self._telemetry.known.has_extended_moves
+            order = orders.move_at_speed(move, self._config) if extended else orders.move_by(move)
+            self._submit(Kind.MOVE, lambda: self.link.move(order))
 
-        flight.telemetry.with_moves(begin)
+    def _stop_moving(self) -> None:
+        if self._telemetry.moves.halt():
+            self._send(Kind.MOVE, orders.HALT)
 
-    def _stop_moving(self, flight: _Flight) -> None:
-        if flight.telemetry.moving:
-            flight.telemetry.with_moves(MoveLedger.halted)
-            flight.commands.submit(Kind.MOVE, flight.link.orders.halt)
-
-    def _prepare(self, flight: _Flight) -> None:
+    def _prepare(self) -> None:
         """Set the drone's limits before its first movement."""
-        if flight.prepared:
+        if self._prepared:
             return
-        flight.prepared = True
-        config = self._config
-        # A movement without speeds uses the largest tilt.
-        extended = flight.telemetry.has_extended_moves
-        tilt_rad = config.tilt_limit_rad if extended else config.gentle_tilt_rad
-        flight.speed.tilt_limit_rad = tilt_rad
-        flight.commands.submit(Kind.LIMITS, lambda: flight.link.prepare(tilt_rad=tilt_rad))
+        self._prepared = True
+        if not self._telemetry.known.has_extended_moves:  # a movement then uses the largest tilt
+            self._speed.tilt_limit_rad = gentle_tilt_rad(self._config)
+        self._submit(Kind.LIMITS, lambda: self.link.settings.change(self._speed.tilt_limit_rad))
 
-    def _lend_sticks(self, flight: _Flight) -> None:
+    def _lend_sticks(self) -> None:
         """Give control to the pilot of a remote control, if this program has it."""
-        telemetry = flight.telemetry
-        if telemetry.has_sticks and not telemetry.lent:
-            telemetry.lend()
-            flight.commands.submit(Kind.CONTROL, flight.link.orders.give_sticks)
+        telemetry = self._telemetry
+        if telemetry.known.source not in (None, PILOT) and not telemetry.lent:
+            telemetry.lent = True
+            self._send(Kind.CONTROL, orders.GIVE_STICKS)
 
-    def _take_sticks(self, flight: _Flight) -> None:
+    def _take_sticks(self) -> None:
         """Take control back if it was given; do not take it if the pilot took it."""
-        telemetry = flight.telemetry
-        if telemetry.shares_sticks:
-            self._repeat(
-                flight,
-                Kind.CONTROL,
-                "sticks",
-                flight.link.orders.take_sticks,
-                done=not telemetry.lent,
-            )
+        shared = self._telemetry.known.source is not None
+        if shared and self._is_due("sticks", done=not self._telemetry.lent):
+            self._send(Kind.CONTROL, orders.TAKE_STICKS)
 
-    def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
-        """Send a command; repeat it after `order_repeat_s` while it has no effect."""
-        now_s = self.clock.now()
+    def _is_due(self, what: str, *, done: bool) -> bool:
+        """Return whether to send a command, at first or because it had no effect; note its time."""
+        now_s = self._clock.now()
         if done:
-            flight.ordered_s.pop(what, None)
-        elif now_s - flight.ordered_s.get(what, -math.inf) > self._config.order_repeat_s:
-            flight.ordered_s[what] = now_s
-            flight.commands.submit(kind, order)
+            self._ordered_s.pop(what, None)
+        elif now_s - self._ordered_s.get(what, -math.inf) > _REPEAT_S:
+            self._ordered_s[what] = now_s
+            return True
+        return False
 
-    def _connected(self) -> _Flight:
-        if self._flight is None:
-            raise DroneError(f"{self._config.where} is not connected: call connect() first")
-        return self._flight
-
-
-def _is_in(flight: _Flight, states: frozenset[FlyingState]) -> bool:
-    return flight.telemetry.state().flying in states
+    def _send(self, kind: Kind, order: Order) -> None:
+        self._submit(kind, lambda: self.link.send(order))

@@ -9,8 +9,8 @@ from __future__ import annotations
 import http.client
 import json
 import re
-import time
-from collections.abc import Callable
+import threading
+from concurrent.futures import Future
 from contextlib import closing
 from typing import Any, Final
 
@@ -21,13 +21,10 @@ _ID: Final = re.compile(r"[A-Za-z0-9_\-]{1,64}")
 _URL: Final = re.compile(r"/[A-Za-z0-9_\-]+(?:/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)+")
 _MAX_LIST_BYTES: Final = 1_000_000  # of a medium's description; it has one or two kilobytes
 _MAX_PHOTO_BYTES: Final = 64_000_000  # an ANAFI's 21 megapixels take some ten million
-_CHUNK_BYTES: Final = 65_536
 _JPEG: Final = b"\xff\xd8"  # how a JPEG file begins
 
 
-def fetch_photo(
-    host: str, port: int, media: str, limit_s: float, now: Callable[[], float] = time.monotonic
-) -> bytes:
+def fetch_photo(host: str, port: int, media: str, limit_s: float) -> bytes:
     """Return the JPEG file of a photograph.
 
     Args:
@@ -35,27 +32,43 @@ def fetch_photo(
         port: Its TCP port.
         media: Identifier of the photograph, as the drone reports it when it is saved.
         limit_s: Longest wait for all of it, s.
-        now: Monotonic clock, s.
 
     Raises:
         DroneError: The drone does not send it in time, or sends another file than a JPEG.
     """
     if not _ID.fullmatch(media):
         raise DroneError(f"the drone names its photograph '{media:.70}', which is no identifier")
-    server = _Server(host, port, now() + limit_s, now)
-    listed = server.get(f"{_MEDIUM}{media}", _MAX_LIST_BYTES)
-    photo = server.get(_url_of(listed, media), _MAX_PHOTO_BYTES)
+    photo: Future[bytes] = Future()
+
+    def fetch() -> None:
+        try:
+            photo.set_result(_fetch(http.client.HTTPConnection(host, port, timeout=limit_s), media))
+        except Exception as error:  # noqa: BLE001  # raised below
+            photo.set_exception(error)
+
+    # The timeout of a socket is for each packet, so that a slow server would exceed it in total.
+    threading.Thread(target=fetch, name="photograph", daemon=True).start()
+    try:
+        return photo.result(limit_s)
+    except TimeoutError as error:
+        reason = f"it has not come within {limit_s:g} s"
+        raise DroneError(f"its web server at {host}:{port} does not send it: {reason}") from error
+    except (OSError, http.client.HTTPException) as error:
+        reason = str(error) or type(error).__name__
+        raise DroneError(f"its web server at {host}:{port} does not send it: {reason}") from error
+
+
+def _fetch(connection: http.client.HTTPConnection, media: str) -> bytes:
+    with closing(connection):
+        listed = _get(connection, f"{_MEDIUM}{media}", _MAX_LIST_BYTES)
+        photo = _get(connection, _url_of(listed, media), _MAX_PHOTO_BYTES)
     if not photo.startswith(_JPEG):
         raise DroneError("its web server sends something else than a JPEG file")
     return photo
 
 
 def _url_of(listed: bytes, media: str) -> str:
-    """Return the path of a medium's first JPEG file.
-
-    Raises:
-        DroneError: The description of the medium names none.
-    """
+    """Return the path of a medium's first JPEG file."""
     try:
         medium: Any = json.loads(listed)
         resources = [one for one in medium["resources"] if one.get("format") == "JPG"]
@@ -67,50 +80,15 @@ def _url_of(listed: bytes, media: str) -> str:
     return url
 
 
-class _Server:
-    """The drone's web server, until a time."""
-
-    def __init__(self, host: str, port: int, until_s: float, now: Callable[[], float]) -> None:
-        self._host, self._port = host, port
-        self._until_s = until_s
-        self._now = now
-
-    def get(self, url: str, most: int) -> bytes:
-        """Return the content at a path.
-
-        Args:
-            url: The path.
-            most: Largest size, bytes.
-
-        Raises:
-            DroneError: There is no answer in time, or no such path, or its content is too large.
-        """
-        try:
-            return self._get(url, most)
-        except (OSError, http.client.HTTPException) as error:
-            where, reason = f"{self._host}:{self._port}", str(error) or type(error).__name__
-            raise DroneError(f"its web server at {where} does not send it: {reason}") from error
-
-    def _get(self, url: str, most: int) -> bytes:
-        timeout_s = self._left_s()
-        connection = http.client.HTTPConnection(self._host, self._port, timeout=timeout_s)
-        with closing(connection):
-            connection.request("GET", url)
-            with connection.getresponse() as answer:
-                if answer.status != http.HTTPStatus.OK:
-                    raise DroneError(f"its web server answers {answer.status} to GET {url}")
-                content = bytearray()
-                while chunk := answer.read1(_CHUNK_BYTES):
-                    content += chunk
-                    if len(content) > most:
-                        raise DroneError(f"its web server sends more than {most} bytes for {url}")
-                    self._left_s()  # a slow server sends something before every timeout
-                if answer.length:
-                    raise http.client.IncompleteRead(b"", answer.length)
-                return bytes(content)
-
-    def _left_s(self) -> float:
-        left_s = self._until_s - self._now()
-        if left_s <= 0.0:
-            raise TimeoutError("timed out")
-        return left_s
+def _get(connection: http.client.HTTPConnection, url: str, most: int) -> bytes:
+    """Return the content at a path, of a largest size in bytes."""
+    connection.request("GET", url)
+    with connection.getresponse() as answer:
+        if answer.status != http.HTTPStatus.OK:
+            raise DroneError(f"its web server answers {answer.status} to GET {url}")
+        content = answer.read(most + 1)
+    if len(content) > most:
+        raise DroneError(f"its web server sends more than {most} bytes for {url}")
+    if answer.length:
+        raise http.client.IncompleteRead(content, answer.length)
+    return content

@@ -5,60 +5,49 @@ from __future__ import annotations
 import ipaddress
 import json
 import socket
-import time
 from typing import Final
 
-from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
+from sim_bridge.olympe.config import OlympeConfig
 from uav_bt.errors import DroneError
 
+LIMIT_S: Final = 2.0  # of an answer; chosen: a drone in reach answers within milliseconds
+_SKYCONTROLLER_HOST: Final = "192.168.53.1"  # over USB; from Parrot's documentation
 _SKYCONTROLLER_3: Final = 0x0918  # model number, from ARSDK's device types
-_MAX_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has about 100 bytes
+_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has about 100, in one packet
 _HINTS: Final = {
     "anafi": (
         "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
-        f"anafi:{SKYCONTROLLER_HOST}), and try again"
+        f"anafi:{_SKYCONTROLLER_HOST}), and try again"
     ),
     "sphinx": "start Sphinx and its drone, and try again",
 }
 
 
 def probe(config: OlympeConfig) -> bool:
-    """Return whether a remote control answers (True) or a drone (False).
+    """Return whether a remote control answers (True) or a drone (False); DroneError if nothing.
 
     The SDK alone would wait for 45 s.
-
-    Raises:
-        DroneError: nothing answers within `probe_limit_s`.
     """
-    limit_s = config.probe_limit_s
+    address = config.host, config.discovery_port
     try:
-        with socket.create_connection(
-            (config.host, config.discovery_port), timeout=limit_s
-        ) as connection:
-            return _model(connection, time.monotonic() + limit_s) == _SKYCONTROLLER_3
+        with socket.create_connection(address, timeout=LIMIT_S) as connection:
+            model = _model(connection)
     except TimeoutError as error:
-        raise DroneError(
-            f"no answer from {config.where} within {limit_s:.0f} s: {_hint(config)}"
-        ) from error
+        reason = f"no answer from {config.where} within {LIMIT_S:g} s"
+        raise DroneError(f"{reason}: {_hint(config)}") from error
     except socket.gaierror as error:
         raise DroneError(f"the host '{config.host}' is unknown: check its spelling") from error
     except OSError as error:
-        raise DroneError(
-            f"cannot reach {config.where} ({error.strerror or error}): {_hint(config)}"
-        ) from error
+        reason = f"cannot reach {config.where} ({error.strerror or error})"
+        raise DroneError(f"{reason}: {_hint(config)}") from error
+    return model == _SKYCONTROLLER_3 or config.host == _SKYCONTROLLER_HOST
 
 
-def _model(connection: socket.socket, deadline_s: float) -> int | None:
+def _model(connection: socket.socket) -> int | None:
     """Return the announced model; None without one, which the SDK reports as an error."""
-    data = b""
     try:
-        while b"\0" not in data and len(data) < _MAX_ANNOUNCEMENT_BYTES:
-            connection.settimeout(max(1e-3, deadline_s - time.monotonic()))
-            more = connection.recv(_MAX_ANNOUNCEMENT_BYTES)
-            if not more:
-                break
-            data += more
-        return int(json.loads(data.partition(b"\0")[0])["model.id"], 16)
+        announcement = connection.recv(_ANNOUNCEMENT_BYTES).partition(b"\0")[0]
+        return int(json.loads(announcement)["model.id"], 16)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

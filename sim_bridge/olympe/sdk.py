@@ -28,7 +28,8 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
-_NEW_API: Final = 8  # major version with the differences above
+VIDEO_LIMIT_S: Final = 5.0  # of the request for the video; that of the SDK
+_NEW_API: Final = (8,)  # first version of the second kind
 _DRONE_BEHIND: Final = 100  # a SkyController 3 has the drone's port 80 at 180
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
@@ -36,7 +37,7 @@ _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO
 
 @dataclass(frozen=True, kw_only=True)
 class Sdk:
-    """The parts of the SDK that this project uses."""
+    """The parts of the SDK that this project uses; `remote` is whether a SkyController answers."""
 
     version: tuple[int, ...]
     classes: Any  # has Drone and SkyController3
@@ -44,66 +45,50 @@ class Sdk:
     # Version 8 or later: makes a stream of the first medium from the callback for its frames.
     stream: Callable[[Callable[[Any], None]], Any]
 
-    def drone(self, config: OlympeConfig) -> Any:
-        """Return a new SDK object for a drone; a reused one sometimes fails to connect.
-
-        Raises:
-            InputError: this version cannot use the ports of the configuration.
-        """
-        kind = self.classes.SkyController3 if config.through_skycontroller else self.classes.Drone
-        if self.version >= (_NEW_API,):
-            return kind(
-                config.host, http_port=config.http_port, discovery_port=config.discovery_port
-            )
-        if config.discovery_port != DISCOVERY_PORT:
-            version = ".".join(map(str, self.version))
+    def drone(self, config: OlympeConfig, *, remote: bool) -> Any:
+        """Return a new SDK object for a drone; a reused one sometimes fails to connect."""
+        kind = self.classes.SkyController3 if remote else self.classes.Drone
+        host, port = config.host, config.discovery_port
+        if self.version >= _NEW_API:
+            return kind(host, http_port=config.http_port, discovery_port=port)
+        if port != DISCOVERY_PORT:
             raise InputError(
-                f"parrot-olympe {version} always discovers on port {DISCOVERY_PORT}, asked for "
-                f"{config.discovery_port}: give each drone another address (127.0.0.2, ...) "
-                "or install parrot-olympe 8"
+                f"parrot-olympe {'.'.join(map(str, self.version))} always discovers on port "
+                f"{DISCOVERY_PORT}, asked for {port}: give each drone another address "
+                "(127.0.0.2, ...) or install parrot-olympe 8"
             )
-        return kind(config.host, media_port=config.http_port, media_autoconnect=False)
+        return kind(host, media_port=config.http_port, media_autoconnect=False)
 
-    def web_address(self, drone: Any, config: OlympeConfig) -> tuple[str, int]:
-        """Return host and port of the drone's web server.
+    def web_address(self, drone: Any, config: OlympeConfig, *, remote: bool) -> tuple[str, int]:
+        """Return host and port of the web server of a connected drone.
 
         Behind a remote control it is the proxy of version 8.5.0. Version 7.7.5 shows no proxy; the
         address is then that of its library, 100 ports above the drone's.
-
-        Args:
-            drone: object of the connected drone.
-            config: source of address and port.
         """
-        if not config.through_skycontroller:
+        if not remote:
             return config.host, config.http_port
         proxy = getattr(drone, "http_proxy", None)
         if proxy is not None and proxy.address and proxy.port:
             return str(proxy.address), int(proxy.port)
         return config.host, config.http_port + _DRONE_BEHIND
 
-    def play(self, streaming: Any, config: OlympeConfig, on_frame: Callable[[Any], None]) -> bool:
-        """Start the video; frames then come on a thread of the SDK.
+    def play(
+        self, drone: Any, config: OlympeConfig, on_frame: Callable[[Any], None], *, remote: bool
+    ) -> bool:
+        """Start the video; return whether the drone accepted in time.
 
-        Args:
-            streaming: streaming object of the connected drone.
-            config: source of the port.
-            on_frame: called with the SDK's frame, which is valid only during the call.
-
-        Returns:
-            Whether the drone accepted in time.
+        Frames come on a thread of the SDK. Each is valid only during the call.
         """
-        shared = config.through_skycontroller and config.rtsp_port == RTSP_PORT
-        port = None if shared else config.rtsp_port
-        limit_s = config.video_limit_s
+        shared = remote and config.rtsp_port == RTSP_PORT
+        asked: dict[str, Any] = {"port": None if shared else config.rtsp_port}
+        asked["timeout"] = VIDEO_LIMIT_S
+        streaming = drone.streaming
         try:
-            if self.version >= (_NEW_API,):
-                return bool(
-                    streaming.play_multiple_stream(
-                        port=port, timeout=limit_s, streams_list=[self.stream(on_frame)]
-                    )
-                )
+            if self.version >= _NEW_API:
+                streams = [self.stream(on_frame)]
+                return bool(streaming.play_multiple_stream(streams_list=streams, **asked))
             streaming.set_callbacks(raw_cb=on_frame)
-            return bool(streaming.play(port=port, timeout=limit_s))
+            return bool(streaming.play(**asked))
         except (TimeoutError, concurrent.futures.CancelledError, asyncio.CancelledError):
             return False  # the SDK's answer if the drone refused
 
@@ -115,9 +100,8 @@ def load_sdk() -> Sdk:
         MissingDependencyError: the SDK is not installed, or does not run with this Python.
     """
     disabled = logging.root.manager.disable
-    logging.disable(
-        logging.CRITICAL
-    )  # the SDK logs during its import, before its handlers can be replaced
+    # The SDK logs during its import, before its handlers can be replaced.
+    logging.disable(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # warnings of its dependencies, at every start
@@ -133,7 +117,10 @@ def load_sdk() -> Sdk:
         ) from error
     finally:
         logging.disable(disabled)
-    _redirect_log()
+    for name in _LOGGERS:
+        logger = logging.getLogger(name)
+        logger.handlers = [_Redirect()]
+        logger.propagate = False
     return Sdk(version=version, classes=olympe, message=_message, stream=_stream)
 
 
@@ -156,9 +143,8 @@ def _message(name: str) -> Any:
 def _stream(on_frame: Callable[[Any], None]) -> Any:
     pdraw = importlib.import_module("olympe.features.video.pdraw")
     raw = importlib.import_module("olympe_deps").VDEF_FRAME_TYPE_RAW
-    return pdraw.StreamInfoDefault(
-        callbacks=[pdraw.Callbacks(media_type=(raw, None), video_frame=on_frame)]
-    )
+    callbacks = pdraw.Callbacks(media_type=(raw, None), video_frame=on_frame)
+    return pdraw.StreamInfoDefault(callbacks=[callbacks])
 
 
 class _Redirect(logging.Handler):
@@ -168,10 +154,3 @@ class _Redirect(logging.Handler):
         logging.getLogger(f"{__name__}.{record.name}").log(
             _LEVELS.get(record.levelno, logging.DEBUG), "%s", record.getMessage()
         )
-
-
-def _redirect_log() -> None:
-    for name in _LOGGERS:
-        logger = logging.getLogger(name)
-        logger.handlers = [_Redirect()]
-        logger.propagate = False

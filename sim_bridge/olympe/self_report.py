@@ -4,60 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from uav_bt.types import DroneFault
 
 _LOG: Final = logging.getLogger(__name__)
 
+Args = Mapping[str, Any]
+
 _CALIBRATE: Final = "calibrate it with FreeFlight"
 _RESTART: Final = "restart the drone; if that does not help, it needs repair"
+_ASK: Final = "see what FreeFlight says about it"
 _OUTDOORS: Final = frozenset({"gps", "GPS"})  # not needed indoors
 _ZOOMED: Final = 1.01  # zoom level above which it is zoomed in; chosen: above float32 rounding
 _AUTO_TRIGGER: Final = "rth.auto_trigger_mode"
-
-# Faults in an event, by part of the drone; None: the part works.
-Findings = Mapping[str, DroneFault | None]
-
-
-class SelfReport:
-    """Stores the faults in the drone's latest events.
-
-    Args:
-        return_home: whether the automatic return home is wanted; None accepts both.
-    """
-
-    def __init__(self, *, return_home: bool | None = None) -> None:
-        self._return_home = return_home
-        self._wrong: dict[str, DroneFault] = {}
-        self._received: set[str] = set()
-
-    def take(self, name: str, args: Mapping[str, Any]) -> None:
-        """Process an event.
-
-        Args:
-            name: full name of the event.
-            args: arguments of the event, enumerations as names.
-        """
-        self._received.add(name)
-        reader = _READERS.get(name)
-        for key, fault in (reader(args) if reader is not None else {}).items():
-            if fault is None:
-                self._wrong.pop(key, None)
-            elif self._wrong.get(key) != fault:
-                self._wrong[key] = fault
-                _LOG.warning("the drone reports: %s: %s", fault.what, fault.found)
-
-    @property
-    def faults(self) -> tuple[DroneFault, ...]:
-        """All present faults."""
-        faults = tuple(self._wrong.values())
-        # It is switched off before a take-off if the firmware has the setting.
-        if self._return_home is False and _AUTO_TRIGGER not in self._received:
-            faults += (_RETURNS_HOME,)
-        return faults
-
-
 _RETURNS_HOME: Final = DroneFault(
     what="return home",
     found="the site file requires it to be off, but this firmware cannot switch it off",
@@ -65,102 +25,111 @@ _RETURNS_HOME: Final = DroneFault(
 )
 
 
-def _light(args: Mapping[str, Any]) -> Findings:
-    fault = DroneFault(
-        what="light",
-        found="too dark to hover without GPS",
-        remedy="switch lights on, and put it on a floor with texture",
-    )
-    return {"light": fault if args["no_gps_too_dark"] else None}
+class _Report(NamedTuple):
+    """The fault that an event can report; its texts are formats of the event's arguments."""
+
+    what: str
+    found: str
+    remedy: str
+    is_wrong: Callable[[Args], bool]
+    part: str = ""  # the argument that names the part, where each part has events of its own
 
 
-def _magnetometer(args: Mapping[str, Any]) -> Findings:
-    # The value 2 only recommends a calibration.
-    fault = DroneFault(what="magnetometer", found="needs a calibration", remedy=_CALIBRATE)
-    return {"magnetometer": fault if args["required"] == 1 else None}
+def _is(name: str, value: object) -> Callable[[Args], bool]:
+    return lambda args: bool(args[name] == value)
 
 
-def _sensor(args: Mapping[str, Any]) -> Findings:
-    name = str(args["sensorName"])
-    fault = DroneFault(what=name.replace("_", " "), found="does not work", remedy=_RESTART)
-    return {f"sensor {name}": None if args["sensorState"] or name in _OUTDOORS else fault}
-
-
-def _motors(args: Mapping[str, Any]) -> Findings:
-    error = str(args["motorError"])
-    motors = [str(index + 1) for index in range(4) if int(args["motorIds"]) >> index & 1]
-    fault = DroneFault(
-        what=f"motor {', '.join(motors)}" if motors else "motors",
-        found=error,
-        remedy="check that all propellers turn freely, and restart the drone",
-    )
-    return {"motors": None if error == "noError" else fault}
-
-
-def _gimbal_calibration(args: Mapping[str, Any]) -> Findings:
-    fault = DroneFault(what="gimbal", found="needs a calibration", remedy=_CALIBRATE)
-    return {"gimbal calibration": fault if args["state"] == "required" else None}
-
-
-def _gimbal_alert(args: Mapping[str, Any]) -> Findings:
-    error = args["error"]
-    fault = DroneFault(
-        what="gimbal",
-        found=f"reports an error ({error})",
-        remedy="remove its protection, let it move freely, and restart the drone",
-    )
-    return {"gimbal alert": fault if error else None}
-
-
-def _zoom(args: Mapping[str, Any]) -> Findings:
-    level = float(args["level"])
-    fault = DroneFault(
-        what="camera",
-        found=f"zoomed in, {level:.1f} times: the camera file does not describe its images",
-        remedy="reset the zoom with FreeFlight",
-    )
-    return {"zoom": fault if level > _ZOOMED else None}
-
-
-def _alert(args: Mapping[str, Any]) -> Findings:
-    state = str(args["state"])
+def _alerts(args: Args) -> bool:
     # A low battery is detected by its charge.
-    calm = state.lower() == "none" or "battery" in state
-    fault = DroneFault(what="alert", found=state.replace("_", " "), remedy=_RESTART)
-    return {"alert": None if calm else fault}
+    return args["state"].lower() != "none" and "battery" not in args["state"]
 
 
-def _checklist(args: Mapping[str, Any]) -> Findings:
-    name = str(args.get("check"))
-    fault = DroneFault(
-        what="take-off checklist",
-        found=f"{name.replace('_', ' ')} prevents a take-off",
-        remedy="see what FreeFlight says about it",
-    )
-    return {f"checklist {name}": fault if _on(args) and name not in _OUTDOORS else None}
+def _fails(args: Args) -> bool:
+    return not args["sensorState"] and args["sensorName"] not in _OUTDOORS
 
 
-def _alarm(args: Mapping[str, Any]) -> Findings:
-    name = str(args.get("type"))
-    fault = DroneFault(
-        what="alarm", found=name.replace("_", " "), remedy="see what FreeFlight says about it"
-    )
-    return {f"alarm {name}": fault if _on(args) else None}
+def _prevents(args: Args) -> bool:
+    return args["state"] == "on" and args["check"] not in _OUTDOORS
 
 
-def _on(args: Mapping[str, Any]) -> bool:
-    return str(args.get("state")) == "on"
-
-
-_READERS: Final[Mapping[str, Callable[[Mapping[str, Any]], Findings]]] = {
-    "ardrone3.PilotingState.HoveringWarning": _light,
-    "ardrone3.PilotingState.AlertStateChanged": _alert,
-    "ardrone3.SettingsState.MotorErrorStateChanged": _motors,
-    "common.CalibrationState.MagnetoCalibrationRequiredState": _magnetometer,
-    "common.CommonState.SensorsStatesListChanged": _sensor,
-    "camera.zoom_level": _zoom,
-    "gimbal.calibration_state": _gimbal_calibration,
-    "gimbal.alert": _gimbal_alert,
-    "alarms.takeoff_checklist": _checklist,
-    "alarms.alarms": _alarm,
+_REPORTS: Final = {
+    "ardrone3.PilotingState.HoveringWarning": _Report(
+        "light",
+        "too dark to hover without GPS",
+        "switch lights on, and put it on a floor with texture",
+        _is("no_gps_too_dark", 1),
+    ),
+    "ardrone3.PilotingState.AlertStateChanged": _Report("alert", "{state}", _RESTART, _alerts),
+    "ardrone3.SettingsState.MotorErrorStateChanged": _Report(
+        "motors",
+        "{motorError} of {motors}",
+        "check that all propellers turn freely, and restart the drone",
+        lambda args: args["motorError"] != "noError",
+    ),
+    # The value 2 only recommends a calibration.
+    "common.CalibrationState.MagnetoCalibrationRequiredState": _Report(
+        "magnetometer", "needs a calibration", _CALIBRATE, _is("required", 1)
+    ),
+    "common.CommonState.SensorsStatesListChanged": _Report(
+        "{sensorName}", "does not work", _RESTART, _fails, "sensorName"
+    ),
+    "camera.zoom_level": _Report(
+        "camera",
+        "zoomed in, {level:.1f} times: the camera file does not describe its images",
+        "reset the zoom with FreeFlight",
+        lambda args: args["level"] > _ZOOMED,
+    ),
+    "gimbal.calibration_state": _Report(
+        "gimbal", "needs a calibration", _CALIBRATE, _is("state", "required")
+    ),
+    "gimbal.alert": _Report(
+        "gimbal",
+        "reports an error ({error})",
+        "remove its protection, let it move freely, and restart the drone",
+        lambda args: bool(args["error"]),
+    ),
+    "alarms.takeoff_checklist": _Report(
+        "take-off checklist", "{check} prevents a take-off", _ASK, _prevents, "check"
+    ),
+    "alarms.alarms": _Report("alarm", "{type}", _ASK, _is("state", "on"), "type"),
 }
+
+
+class SelfReport:
+    """Stores the faults in the drone's latest events."""
+
+    def __init__(self, *, return_home: bool | None = None) -> None:
+        # It is switched off before a take-off if the firmware has the setting.
+        self._lacks_setting = return_home is False
+        self._wrong: dict[tuple[str, str], DroneFault] = {}  # by event and part
+
+    def take(self, name: str, args: Args) -> None:
+        """Process an event, with enumerations as names."""
+        if name == _AUTO_TRIGGER:
+            self._lacks_setting = False
+        if name not in _REPORTS:
+            return
+        report = _REPORTS[name]
+        key = name, str(args.get(report.part))
+        if not report.is_wrong(args):
+            self._wrong.pop(key, None)
+            return
+        shown = {**args, "motors": _motors(int(args.get("motorIds", 0)))}
+        what, found = (
+            text.format(**shown).replace("_", " ") for text in (report.what, report.found)
+        )
+        fault = DroneFault(what=what, found=found, remedy=report.remedy)
+        if self._wrong.get(key) != fault:
+            self._wrong[key] = fault
+            _LOG.warning("the drone reports: %s: %s", fault.what, fault.found)
+
+    @property
+    def faults(self) -> tuple[DroneFault, ...]:
+        """All present faults."""
+        faults = tuple(self._wrong.values())
+        return (*faults, _RETURNS_HOME) if self._lacks_setting else faults
+
+
+def _motors(bits: int) -> str:
+    numbers = [str(index + 1) for index in range(4) if bits >> index & 1]
+    return f"motor {', '.join(numbers)}" if numbers else "a motor"

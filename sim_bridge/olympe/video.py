@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 import threading
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import av
@@ -19,52 +18,68 @@ import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
+from sim_bridge.olympe.config import OlympeConfig
+from sim_bridge.olympe.telemetry import STANDING_M
+from uav_bt.clock import WallClock
 from uav_bt.types import Attitude, DroneState, Frame
 from uav_bt.types.pose import clamp
 
+# Least norm of a valid quaternion, no unit; chosen: half of 1. An unknown rotation is all zeros.
+_LEAST_NORM: Final = 0.5
+# Allowed drift between two clocks, s/s; chosen: ten times the 20 parts per million of quartz.
+_DRIFT: Final = 2e-4
+# Delay that shows a reset of the drone's clock; chosen: above all delays of frames.
+_RESTARTED_S: Final = 10.0
+# Longest wait for a frame after the wanted time; chosen: a mission without video ticks at 10 Hz.
+NO_FRAME_S: Final = 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
-class FrameMetadata:
-    """Telemetry at the capture of a frame; None for values that the frame lacks."""
+class DecodedFrame:
+    """A decoded frame, copied out of the SDK's memory; None for values that it lacks."""
 
+    image: av.VideoFrame
+    stamp: tuple[str, int] | None = None  # name of a clock, and its microseconds
     attitude: Attitude | None = None
     gimbal_pitch_rad: float | None = None
     height_m: float | None = None  # above the surface below
     altitude_m: float | None = None  # above the take-off point
-    captured_us: int | None = None  # capture time by the camera's clock
 
 
-def frame_metadata(vmeta: Mapping[str, Any]) -> FrameMetadata:
-    """Return the metadata of a frame.
-
-    Args:
-        vmeta: the SDK's dictionary; unknown and missing entries are ignored.
-    """
+def decode_frame(frame: Any) -> DecodedFrame | None:
+    """Return a copy of the SDK's frame, of which a reference is held; None without content."""
+    info, planes = frame.info(), frame.as_ndarray()
+    if not info or planes is None:
+        return None
+    raw, vmeta = info["raw"]["frame"], frame.vmeta()[1]
+    layout = "nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p"
+    image = av.VideoFrame.from_ndarray(planes, format=layout)
+    bt601 = str(raw["info"].get("matrix_coefs", "")).startswith("BT601")
+    image.colorspace = Colorspace.ITU601 if bt601 else Colorspace.ITU709  # HD video has BT.709
+    full_range = raw["info"].get("full_range", False)
+    image.color_range = ColorRange.JPEG if full_range else ColorRange.MPEG
     drone, camera = _mapping(vmeta.get("drone")), _mapping(vmeta.get("camera"))
     if not drone and not camera:  # flat record
         drone = {"quat": vmeta.get("drone_quat"), "ground_distance": vmeta.get("ground_distance")}
         camera = {"quat": vmeta.get("frame_quat")}
-    attitude, view = _attitude(drone.get("quat")), _attitude(camera.get("quat"))
-    captured = _number(camera.get("timestamp"))
-    return FrameMetadata(
-        attitude=attitude,
+    stamps = {"camera": camera.get("timestamp"), "stream": info.get("ntp_raw_timestamp")}
+    known = [(clock, int(stamp)) for clock, stamp in stamps.items() if _number(stamp)]
+    view = _attitude(camera.get("quat"))
+    return DecodedFrame(
+        image=image,
+        stamp=known[0] if known else None,
+        attitude=_attitude(drone.get("quat")),
         gimbal_pitch_rad=None if view is None else view.pitch_rad,
         height_m=_number(drone.get("ground_distance")),
         altitude_m=_number(drone.get("altitude_ato")),
-        captured_us=None if not captured else int(captured),
     )
-
-
-# Least norm of a valid quaternion, no unit; chosen: half of 1. An unknown rotation is all zeros.
-_LEAST_NORM: Final = 0.5
 
 
 def _attitude(quaternion: Any) -> Attitude | None:
     """Return roll, pitch and yaw of a quaternion from body to north-east-down; None if unknown."""
     parts = _mapping(quaternion)
-    numbers = [_number(parts.get(name)) for name in "wxyz"]
-    w, x, y, z = (0.0 if number is None else number for number in numbers)
-    length = math.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = (_number(parts.get(name)) or 0.0 for name in "wxyz")
+    length = math.hypot(w, x, y, z)
     if length < _LEAST_NORM:
         return None
     w, x, y, z = w / length, x / length, y / length, z / length
@@ -84,74 +99,20 @@ def _number(value: Any) -> float | None:
     return float(value) if known and math.isfinite(value) else None
 
 
-# Allowed drift between two clocks, s/s; chosen: ten times the 20 parts per million of quartz.
-_DRIFT: Final = 2e-4
-# Delay that shows a reset of the drone's clock, s; chosen: above all delays of frames.
-_RESTARTED_S: Final = 10.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class DecodedFrame:
-    """A decoded frame, copied out of the SDK's memory."""
-
-    planes: NDArray[np.uint8]  # (3 H / 2, W): Y above the two colour planes
-    layout: str = "yuv420p"  # yuv420p or nv12, names of FFmpeg
-    full_range: bool = False
-    bt601: bool = False  # True: colours by BT.601; False: BT.709, the default of HD video
-    metadata: FrameMetadata = field(default_factory=FrameMetadata)
-    streamed_us: int | None = None  # time by the stream's clock, with an arbitrary zero
-
-    @property
-    def stamp(self) -> tuple[str, int] | None:
-        """The best timestamp of the frame: name of the clock, microseconds."""
-        if self.metadata.captured_us is not None:
-            return "camera", self.metadata.captured_us
-        return None if self.streamed_us is None else ("stream", self.streamed_us)
-
-
-def decode_frame(frame: Any) -> DecodedFrame | None:
-    """Return a copy of the SDK's frame; None if it has no content.
-
-    Args:
-        frame: the SDK's frame, with a reference held, so that it is valid.
-    """
-    info, planes = frame.info(), frame.as_ndarray()
-    if not info or planes is None:
-        return None
-    raw = info["raw"]["frame"]
-    details = raw["info"]
-    return DecodedFrame(
-        planes=np.array(planes),
-        layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
-        full_range=bool(details.get("full_range", False)),
-        bt601=str(details.get("matrix_coefs", "")).startswith("BT601"),
-        metadata=frame_metadata(frame.vmeta()[1]),
-        streamed_us=int(info.get("ntp_raw_timestamp", 0)) or None,
-    )
-
-
 class CaptureTimes:
     """Converts timestamps of frames to capture times by this machine's clock.
 
     The drone stamps frames by another clock. The frame with the least delay gives the offset of the
     two clocks, assuming the minimum latency for it. Later frames were delayed by the difference.
     Frames without timestamps count as frames of minimum latency.
-
-    Args:
-        latency_s: minimum time from exposure to arrival, s.
     """
 
     def __init__(self, latency_s: float) -> None:
-        self._latency_s = latency_s
+        self._latency_s = latency_s  # minimum time from exposure to arrival
         self._offsets_s: dict[str, tuple[float, float]] = {}  # by clock: offset and its time
 
     def captured(self, arrived_s: float, stamp: tuple[str, int] | None) -> float:
-        """Return the capture time of a frame, s.
-
-        Args:
-            arrived_s: arrival time by this machine's clock, s.
-            stamp: name of the clock and its microseconds; clocks are independent.
-        """
+        """Return the capture time of a frame from its arrival and its timestamp."""
         if stamp is None:
             return arrived_s - self._latency_s
         clock, stamp_s = stamp[0], 1e-6 * stamp[1]
@@ -165,111 +126,61 @@ class CaptureTimes:
         return stamp_s + offset_s - self._latency_s
 
 
-class FrameClock:
-    """The live clock: real time since its creation, and a tick at each new frame.
+class FrameClock(WallClock):
+    """The live clock: real time since its creation, and a tick at each new frame."""
 
-    Args:
-        timeout_s: longest wait for a frame after the wanted time, s. Chosen: without video a
-            mission ticks ten times a second.
-        monotonic: returns the real time, s.
-        condition: condition variable for the wait.
-    """
-
-    def __init__(
-        self,
-        *,
-        timeout_s: float = 0.1,
-        monotonic: Callable[[], float] = time.monotonic,
-        condition: threading.Condition | None = None,
-    ) -> None:
-        self._timeout_s = timeout_s
-        self._monotonic = monotonic
-        self._condition = condition or threading.Condition()
-        self._start_s = monotonic()
-        self._fresh = False
-
-    def now(self) -> float:
-        """Return the time, s."""
-        return self._monotonic() - self._start_s
+    def __init__(self) -> None:
+        super().__init__()
+        self._fresh = threading.Event()  # set while the newest frame has not been used
 
     def frame_arrived(self) -> None:
         """End the wait; called on the thread of the video."""
-        with self._condition:
-            self._fresh = True
-            self._condition.notify_all()
+        self._fresh.set()
 
     def frame_seen(self) -> None:
         """Record that the newest frame was used, so that `sleep_until` waits for the next one."""
-        with self._condition:
-            self._fresh = False
+        self._fresh.clear()
 
     def sleep_until(self, time_s: float) -> None:
-        """Return at the first new frame after a time, s, or after the timeout."""
-        with self._condition:
-            while (left_s := time_s - self.now()) > 0.0:
-                self._condition.wait(left_s)
-            while not self._fresh and (left_s := time_s + self._timeout_s - self.now()) > 0.0:
-                self._condition.wait(left_s)
+        """Return at the first new frame after a time, s, or a tenth of a second after it."""
+        super().sleep_until(time_s)
+        self._fresh.wait(max(0.0, time_s + NO_FRAME_S - self.now()))
 
 
 class NewestFrame:
-    """Stores the newest frame on the SDK's thread; converts it on request.
+    """Stores the newest frame on the SDK's thread; converts it on request."""
 
-    Args:
-        size_px: width and height of the frames.
-        now: the clock.
-        latency_s: minimum time from exposure to arrival, s.
-        arrived: called at each new frame.
-    """
-
-    def __init__(
-        self,
-        size_px: tuple[int, int],
-        now: Callable[[], float],
-        *,
-        latency_s: float,
-        arrived: Callable[[], None],
-    ) -> None:
-        self._size_px = size_px
-        self._now = now
-        self._times = CaptureTimes(latency_s)
-        self._arrived = arrived
-        self._lock = threading.Lock()
-        self._held: tuple[int, float, DecodedFrame] | None = None
-        self._count = 0
+    def __init__(self, config: OlympeConfig, clock: FrameClock) -> None:
+        self._config = config
+        self._clock = clock
+        self._times = CaptureTimes(config.video_latency_s)
+        self._held: tuple[int, float, DecodedFrame] | None = None  # replaced as a whole
         self._frame: Frame | None = None
 
     def take(self, decoded: DecodedFrame) -> None:
         """Store a frame; it replaces the one before."""
-        captured_s = self._times.captured(self._now(), decoded.stamp)
-        with self._lock:
-            self._held = (self._count, captured_s, decoded)
-            self._count += 1
-        self._arrived()
+        captured_s = self._times.captured(self._clock.now(), decoded.stamp)
+        index = 0 if self._held is None else self._held[0] + 1
+        self._held = index, captured_s, decoded
+        self._clock.frame_arrived()
 
-    def newest(self, state: DroneState, above_ground_m: float) -> Frame | None:
-        """Return the newest frame; None before the first.
-
-        Args:
-            state: source of values that the frame's metadata lack.
-            above_ground_m: height of the body's centre above the ground before take-off, m.
-        """
-        with self._lock:
-            held = self._held
+    def newest(self, state: DroneState) -> Frame | None:
+        """Return the newest frame; None before the first. The state fills in what it lacks."""
+        held = self._held
         if held is None:
             return None
         index, captured_s, decoded = held
         if self._frame is None or self._frame.index != index:
-            metadata = decoded.metadata
-            altitude_m = _known(metadata.altitude_m, state.altitude_m)
+            altitude_m = _known(decoded.altitude_m, state.altitude_m)
+            above_ground_m = self._config.take_off_surface_m + STANDING_M
             self._frame = Frame(
-                image=_rgb(decoded, self._size_px),
+                image=_rgb(decoded.image, self._config.image_size_px),
                 index=index,
                 captured_s=captured_s,
-                gimbal_pitch_rad=_known(metadata.gimbal_pitch_rad, state.gimbal_pitch_rad),
-                attitude=_known(metadata.attitude, state.attitude),
+                gimbal_pitch_rad=_known(decoded.gimbal_pitch_rad, state.gimbal_pitch_rad),
+                attitude=_known(decoded.attitude, state.attitude),
                 altitude_m=altitude_m,
-                height_m=_known(metadata.height_m, state.height_m),
+                height_m=_known(decoded.height_m, state.height_m),
                 height_above_ground_m=altitude_m + above_ground_m,
             )
         return self._frame
@@ -279,15 +190,12 @@ def _known(value: Any, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
 
-def _rgb(decoded: DecodedFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
+def _rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return the frame as RGB of a size, (H, W, 3)."""
-    frame = av.VideoFrame.from_ndarray(decoded.planes, format=decoded.layout)
     image = frame.reformat(
         width=size_px[0],
         height=size_px[1],
         format="rgb24",
-        src_colorspace=Colorspace.ITU601 if decoded.bt601 else Colorspace.ITU709,
-        src_color_range=ColorRange.JPEG if decoded.full_range else ColorRange.MPEG,
         interpolation="AREA",
         threads=1,  # it takes 0.2 ms, less than starting more threads, above all on busy cores
     ).to_ndarray()

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import enum
 import threading
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -15,101 +14,52 @@ from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
+from uav_bt.types import Command, DroneState, Movement
 
+PATIENCE_S = 30.0  # for what should happen at once
+STATE = "ardrone3.PilotingState"
+FLYING = f"{STATE}.FlyingStateChanged"
+MAX_TILT = "ardrone3.PilotingSettings.MaxTilt"
+MAX_ALTITUDE = "ardrone3.PilotingSettings.MaxAltitude"
+CLIMB = "ardrone3.SpeedSettings.MaxVerticalSpeed"
+ROTATION = "ardrone3.SpeedSettings.MaxRotationSpeed"
+BANKED_TURN = "ardrone3.PilotingSettings.BankedTurn"
+RETURN_HOME = "rth.set_auto_trigger_mode"
 # Settings that the bridge changes, by command: event, argument of the event, first value.
 SETTINGS: dict[str, tuple[str, str, Any]] = {
-    "ardrone3.PilotingSettings.MaxTilt": (
-        *("ardrone3.PilotingSettingsState.MaxTiltChanged", "current"),
-        20.0,
-    ),
-    "ardrone3.PilotingSettings.MaxAltitude": (
-        *("ardrone3.PilotingSettingsState.MaxAltitudeChanged", "current"),
-        30.0,
-    ),
-    "ardrone3.SpeedSettings.MaxVerticalSpeed": (
-        *("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged", "current"),
-        1.0,
-    ),
-    "ardrone3.SpeedSettings.MaxRotationSpeed": (
-        *("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged", "current"),
-        40.0,
-    ),
-    "ardrone3.PilotingSettings.BankedTurn": (
-        *("ardrone3.PilotingSettingsState.BankedTurnChanged", "state"),
-        1,
-    ),
-    "rth.set_auto_trigger_mode": ("rth.auto_trigger_mode", "mode", "on"),
+    MAX_TILT: ("ardrone3.PilotingSettingsState.MaxTiltChanged", "current", 20.0),
+    MAX_ALTITUDE: ("ardrone3.PilotingSettingsState.MaxAltitudeChanged", "current", 30.0),
+    CLIMB: ("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged", "current", 1.0),
+    ROTATION: ("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged", "current", 40.0),
+    BANKED_TURN: ("ardrone3.PilotingSettingsState.BankedTurnChanged", "state", 1),
+    RETURN_HOME: ("rth.auto_trigger_mode", "mode", "on"),
 }
-LEVEL = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+MEASURED: dict[str, tuple[str, dict[str, float]]] = {
+    "attitude": ("AttitudeChanged", {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
+    "velocity": ("SpeedChanged", {"speedX": 0.35, "speedY": 0.0, "speedZ": 0.0}),
+    "altitude": ("AltitudeChanged", {"altitude": 1.5}),
+}
 
 
-class Kind(enum.Enum):
-    CMD = 0
-    EVT = 1
+class Time(FrameClock):
+    """A simulated clock, which only a script advances."""
 
+    now_s = 0.0
 
-class Time:
-    """A simulated wall clock, and a condition variable whose wait only advances this clock."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-        self.on_wait: Callable[[], None] | None = None  # called during a wait
-
-    def __call__(self) -> float:
+    def now(self) -> float:
         return self.now_s
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return
-
-    def notify_all(self) -> None:
-        return
-
-    def wait(self, timeout: float) -> None:
-        if self.on_wait is not None:
-            self.on_wait()
-        else:
-            self.now_s += max(timeout, 1e-6)  # a real wait is never zero
-
-
-class Answer:
-    """The SDK's expectation of an answer; waiting for a missing one blocks."""
-
-    def __init__(self, *, good: bool) -> None:
-        self._good = good
-
-    def wait(self, _timeout: float) -> Answer:
-        if not self._good:
-            threading.Event().wait(_timeout)
-        return self
-
-    def success(self) -> bool:
-        return self._good
 
 
 class FakeFrame:
-    """The SDK's frame, which is valid between `ref` and `unref`."""
+    """The SDK's frame of grey pixels, which is valid between `ref` and `unref`."""
 
-    def __init__(
-        self, planes: np.ndarray, meta: Mapping[str, Any] | None = None, **info: Any
-    ) -> None:
+    def __init__(self, meta: Mapping[str, Any] | None = None, level: int = 99) -> None:
         self.references = 0
-        self._planes = planes
-        self._meta = dict(meta or {})
-        self._info = {
-            "raw": {
-                "frame": {
-                    "format": info.get("format", "YUV420/ABCD/LINEAR/8/PLANAR/HIGH/BE/8"),
-                    "info": {
-                        "full_range": info.get("full_range", False),
-                        "matrix_coefs": info.get("matrix_coefs", "BT709"),
-                    },
-                }
-            },
-            "ntp_raw_timestamp": info.get("ntp_raw_timestamp", 0),
-        }
+        self.meta = dict(meta or {})
+        self.planes = np.full((36, 32), 128, np.uint8)
+        self.planes[:24] = level
+        self.raw: dict[str, Any] = {"format": "YUV420/ABCD/LINEAR/8/PLANAR/HIGH/BE/8", "info": {}}
+        self.stream_us = 0
 
     def ref(self) -> None:
         self.references += 1
@@ -118,62 +68,37 @@ class FakeFrame:
         self.references -= 1
 
     def info(self) -> Mapping[str, Any]:
-        return self._info
+        return {"raw": {"frame": self.raw}, "ntp_raw_timestamp": self.stream_us}
 
     def as_ndarray(self) -> np.ndarray | None:
-        return self._planes if self.references else None
+        return self.planes if self.references else None
 
     def vmeta(self) -> tuple[int, Mapping[str, Any]]:
-        return 6, self._meta
-
-
-class FakeStreaming:
-    def __init__(self, drone: FakeSdkDrone) -> None:
-        self._drone = drone
-        self.given: dict[str, Any] = {}
-        self.callbacks: dict[str, Any] = {}
-
-    def set_callbacks(self, **callbacks: Any) -> None:
-        self.callbacks = callbacks
-
-    def play(self, **given: Any) -> bool:
-        self.given = given
-        if not self._drone.world.video:
-            raise self._drone.world.video_fault  # as the SDK if RTSP is refused
-        self._drone.world.on_video(self._drone)
-        return True
-
-    def play_multiple_stream(self, *, streams_list: list[Any], **given: Any) -> bool:
-        (callback,) = streams_list
-        return self.play(raw_cb=callback, **given)
-
-    def stop(self) -> bool:
-        self._drone.closed.append("stop video")
-        return True
-
-    @property
-    def raw_cb(self) -> Callable[[Any], None]:
-        callback: Callable[[Any], None] = self.given.get("raw_cb") or self.callbacks["raw_cb"]
-        return callback
+        return 6, self.meta
 
 
 class FakeSdkDrone:
-    """An object of the SDK's `Drone` that records all commands."""
+    """An object of the SDK's `Drone`, and its `streaming`, that records all commands."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
+        world.note("make")
         self.world, self.host, self.given = world, host, given
         self.connected = False
+        self.streaming = self
         self.sent: list[tuple[str, dict[str, Any]]] = []
-        self.streaming = FakeStreaming(self)
         self.closed: list[str] = []
+        self.played: dict[str, Any] = {}
+        self.on_frame: Callable[[Any], None]
         self._listeners: list[Callable[[Any, Any], None]] = []
         world.made.append(self)
 
     def subscribe(self, callback: Callable[[Any, Any], None], expectation: None) -> None:
         assert expectation is None
+        self.world.note("subscribe")
         self._listeners.append(callback)
 
     def connect(self) -> bool:
+        self.world.note("connect")
         self.world.on_connect(self)
         for command in SETTINGS.keys() - self.world.unreported:
             event, argument, value = SETTINGS[command]
@@ -181,35 +106,64 @@ class FakeSdkDrone:
         self.connected = self.world.answers
         return self.connected
 
+    def set_callbacks(self, *, raw_cb: Callable[[Any], None]) -> None:
+        self.on_frame = raw_cb
+
+    def play(self, **given: Any) -> bool:
+        self.played = given
+        self.world.note("play")
+        if self.world.video_fault is not None:
+            raise self.world.video_fault  # as the SDK if RTSP is refused
+        return True
+
+    def play_multiple_stream(self, *, streams_list: list[Any], **given: Any) -> bool:
+        (self.on_frame,) = streams_list
+        return self.play(**given)
+
+    def stop(self) -> bool:
+        self.closed.append("stop video")
+        return True
+
     def disconnect(self) -> bool:
+        self.world.note("disconnect")
         self.closed.append("disconnect")
         return True
 
     def destroy(self) -> None:
         self.closed.append("destroy")
+        self.world.note("destroy")
+        self.world.destroyed.set()
 
-    def __call__(self, message: tuple[str, dict[str, Any]]) -> Answer:
+    def __call__(self, message: tuple[str, dict[str, Any]]) -> None:
+        self.world.note("send")
         self.sent.append(message)
         name, args = message
-        self.event(name, kind=Kind.CMD, **args)
+        self.event(name, kind="CMD", **args)
         if name in SETTINGS.keys() - self.world.refused:
             event, argument, _ = SETTINGS[name]
             (value,) = args.values()
             self.event(event, **{argument: value})
-        return Answer(good=name not in self.world.refused)
 
     def piloting(self, roll: int, pitch: int, yaw: int, gaz: int, piloting_time: float) -> bool:
+        self.world.note("piloting")
         self.sent.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
         return self.world.steers
 
     def stop_piloting(self) -> bool:
+        self.world.note("stop_piloting")
         self.sent.append(("stop_piloting", {}))
         return True
 
-    def event(self, name: str, /, kind: Kind = Kind.EVT, **args: Any) -> None:
-        message = SimpleNamespace(fullName=name, message_type=kind)
+    def event(self, name: str, /, kind: str = "EVT", **args: Any) -> None:
+        message = SimpleNamespace(fullName=name, message_type=SimpleNamespace(name=kind))
         for listener in self._listeners:
             listener(SimpleNamespace(message=message, args=args), None)
+
+    def measures(self, silent: str = "") -> None:
+        """Report attitude, velocity and altitude, or two of them."""
+        for quantity, (name, values) in MEASURED.items():
+            if quantity != silent:
+                self.event(f"{STATE}.{name}", **values)
 
     def names(self) -> list[str]:
         return [name.rpartition(".")[2] for name, _ in self.sent]
@@ -218,16 +172,20 @@ class FakeSdkDrone:
 class FakeWorld:
     """The drones behind the SDK, with and without answers and video."""
 
-    def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
+    def __init__(self, version: tuple[int, ...] = (8, 5, 0), *, firmware: str = "1.6.9") -> None:
         self.answers = True
-        self.video = True
-        self.video_fault: BaseException = TimeoutError()
+        self.video_fault: BaseException | None = None
         self.steers = True
         self.refused: set[str] = set()  # settings that the drone does not confirm
         self.unreported: set[str] = set()  # settings that the drone does not report on connecting
         self.made: list[FakeSdkDrone] = []
-        self.on_connect: Callable[[FakeSdkDrone], None] = lambda _: None
-        self.on_video: Callable[[FakeSdkDrone], None] = lambda _: None
+        self.on_connect: Callable[[FakeSdkDrone], None] = lambda drone: drone.event(
+            "common.SettingsState.ProductVersionChanged", software=firmware, hardware="1"
+        )
+        self.blocks = ""  # name of a call of the SDK that blocks until `go`
+        self.fails = ""  # name of a call that fails
+        self.go, self.destroyed = threading.Event(), threading.Event()
+        self.calls: list[tuple[str, int]] = []  # with the calling thread
         self.sdk = Sdk(
             version=version,
             classes=SimpleNamespace(
@@ -238,13 +196,18 @@ class FakeWorld:
             stream=lambda on_frame: on_frame,
         )
 
-    @property
-    def drone(self) -> FakeSdkDrone:
-        return self.made[-1]
+    def note(self, call: str) -> None:
+        self.calls.append((call, threading.get_ident()))
+        if call == self.blocks:
+            assert self.go.wait(PATIENCE_S)
+        if call == self.fails:
+            raise TimeoutError("no answer")
 
 
 class InTurn:
     """A command queue that runs each command at once."""
+
+    hangs = False
 
     def submit(self, kind: object, job: Callable[[], object]) -> None:
         assert kind is not None
@@ -261,17 +224,54 @@ class InTurn:
 
 
 def config(**changes: Any) -> OlympeConfig:
-    return AnafiConfig(address="127.0.0.1", **changes)
+    return AnafiConfig(**{"address": "127.0.0.1", **changes})
 
 
-def bridge(
-    world: FakeWorld, time: Time | None = None, *, remote: bool = False, **changes: Any
-) -> OlympeDrone:
-    time = time or Time()
-    return OlympeDrone(
-        config(**changes),
-        sdk=lambda: world.sdk,
-        probe_first=lambda _: remote,
-        clock=FrameClock(monotonic=time, condition=time),  # type: ignore[arg-type]
-        commands=InTurn,
-    )
+class Flight:
+    """A drone whose commands are carried out at once, in simulated time; connected."""
+
+    def __init__(
+        self,
+        world: FakeWorld | None = None,
+        *,
+        remote: bool = False,
+        threaded: bool = False,
+        connect: bool = True,
+        **changes: Any,
+    ) -> None:
+        self.world, self.time = world or FakeWorld(), Time()
+        in_turn: Any = {} if threaded else {"clock": self.time, "commands": InTurn}
+        self.drone = OlympeDrone(
+            config(**changes),
+            sdk=lambda: self.world.sdk,
+            probe_first=lambda _: remote,
+            **in_turn,
+        )
+        if connect:
+            self.drone.connect()
+
+    @property
+    def sdk(self) -> FakeSdkDrone:
+        """The latest of the SDK's objects."""
+        return self.world.made[-1]
+
+    @property
+    def state(self) -> DroneState:
+        return self.drone.observe().state
+
+    def play(self, *steps: Movement | float | str) -> list[str]:
+        """Play a script; return the names of all commands so far.
+
+        It has movements, pauses in seconds, and states that the drone reports: flying states and
+        piloting sources.
+        """
+        for step in steps:
+            if isinstance(step, float):
+                self.time.now_s += step
+            elif step in {"Controller", "SkyController"}:
+                self.sdk.event("skyctrl.CoPilotingState.pilotingSource", source=step)
+            elif isinstance(step, str):
+                self.sdk.event(FLYING, state=step)
+            else:
+                self.drone.send(Command(movement=step))
+        return self.sdk.names()

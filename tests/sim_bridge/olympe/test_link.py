@@ -1,17 +1,24 @@
-"""The connection with a blocking SDK, and the threads that use it."""
+"""The thread of commands: its queue, and a connection whose SDK blocks."""
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
-from sim_bridge.olympe.drone import OlympeDrone
-from sim_bridge.olympe.sdk import Sdk
-from tests.sim_bridge.olympe.fake_olympe import SETTINGS, FakeSdkDrone, FakeWorld, config
+from sim_bridge.olympe import link, settings
+from sim_bridge.olympe.commands import CommandQueue, Kind
+from tests.sim_bridge.olympe.fake_olympe import (
+    FLYING,
+    PATIENCE_S,
+    SETTINGS,
+    STATE,
+    FakeWorld,
+    Flight,
+)
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     Command,
@@ -22,86 +29,128 @@ from uav_bt.types import (
     MoveBy,
     Movement,
     Release,
-    TakeOff,
     Velocity,
 )
 
-PATIENCE_S = 30.0
-FLYING = "ardrone3.PilotingState.FlyingStateChanged"
+# --- the queue ------------------------------------------------------------------------------------
 
 
-class WatchedDrone:
-    """A drone of the SDK that records the calling thread, and may block."""
-
-    def __init__(self, drone: FakeSdkDrone, world: BlockingWorld) -> None:
-        self._drone = drone
-        self._world = world
-
-    @property
-    def connected(self) -> bool:
-        return self._drone.connected
-
-    @property
-    def streaming(self) -> Any:
-        return self._drone.streaming
-
-    def __call__(self, message: Any) -> Any:
-        self._world.note("send")
-        return self._drone(message)
-
-    def __getattr__(self, name: str) -> Any:
-        called = getattr(self._drone, name)
-
-        def noted(*args: Any, **given: Any) -> Any:
-            self._world.note(name)
-            return called(*args, **given)
-
-        return noted
-
-
-class BlockingWorld(FakeWorld):
-    """A world whose SDK blocks in one call until it is released."""
+class Blocked:
+    """A queue whose first command blocks until it is released."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.blocks = ""  # name of the blocking call
-        self.go, self.begun, self.destroyed = (threading.Event() for _ in range(3))
-        self.calls: list[tuple[str, int]] = []
-        make = self.sdk.classes.Drone
-        self.sdk = Sdk(
-            version=self.sdk.version,
-            classes=type(
-                "Classes", (), {"Drone": lambda _, host, **given: self._made(make, host, given)}
-            )(),
-            message=self.sdk.message,
-            stream=self.sdk.stream,
-        )
+        self.queue = CommandQueue()
+        self.done: list[str] = []
+        self.go, begun = threading.Event(), threading.Event()
 
-    def _made(self, make: Callable[..., FakeSdkDrone], host: str, given: Any) -> WatchedDrone:
-        self.note("make")
-        return WatchedDrone(make(host, **given), self)
-
-    def note(self, call: str) -> None:
-        self.calls.append((call, threading.get_ident()))
-        if call == self.blocks:
-            self.begun.set()
+        def block() -> None:
+            begun.set()
             assert self.go.wait(PATIENCE_S)
-        if call == "destroy":
-            self.destroyed.set()
 
-    def bridge(self, **changes: Any) -> OlympeDrone:
-        return OlympeDrone(config(**changes), sdk=lambda: self.sdk, probe_first=lambda _: False)
+        self.queue.submit(Kind.STICKS, block)
+        assert begun.wait(PATIENCE_S)
 
-    def threads(self) -> set[int]:
-        return {thread for _, thread in self.calls}
+    def submit(self, kind: Kind, name: str) -> None:
+        self.queue.submit(kind, lambda: self.done.append(name))
 
-    def names(self) -> list[str]:
-        return [name for name, _ in self.calls]
+    def finish(self) -> list[str]:
+        self.go.set()
+        assert self.queue.run(lambda: None, PATIENCE_S)
+        self.queue.close()
+        return self.done
 
 
-def say(drone: OlympeDrone, *movements: Movement) -> None:
-    for movement in movements:
-        drone.send(Command(movement=movement))
+def refused() -> None:
+    raise DroneError("it does not land")
+
+
+def cancelled() -> None:
+    raise asyncio.CancelledError  # not an Exception: uncaught it would end the thread
+
+
+@pytest.mark.parametrize("kind", [Kind.STICKS, Kind.GIMBAL, Kind.CONTROL, Kind.END])
+def test_while_one_blocks_only_the_newest_of_a_kind_waits(kind: Kind) -> None:
+    blocked = Blocked()
+    for index in range(1000):
+        blocked.submit(kind, str(index))
+    assert blocked.finish() == ["999"]
+
+
+def test_a_landing_overtakes_what_would_move_the_drone() -> None:
+    blocked = Blocked()
+    for kind in Kind:
+        if kind is not Kind.END:
+            blocked.submit(kind, kind.value)
+    blocked.submit(Kind.END, "land")
+    assert blocked.finish() == ["land", "connection", "gimbal", "camera", "control", "limits"]
+
+
+@pytest.mark.parametrize(
+    ("job", "message"), [(refused, "does not land"), (cancelled, "gave up: CancelledError")]
+)
+def test_an_error_is_raised_with_the_next_command_which_is_still_carried_out(
+    job: Callable[[], None], message: str
+) -> None:
+    commands, landed = CommandQueue(), threading.Event()
+    commands.submit(Kind.MOVE, job)
+    assert commands.run(lambda: None, PATIENCE_S)
+    with pytest.raises(DroneError, match=message):
+        commands.submit(Kind.END, landed.set)
+    assert landed.wait(PATIENCE_S)
+    commands.close()
+    with pytest.raises(DroneError, match="is closed: call connect"):
+        commands.submit(Kind.END, landed.set)
+
+
+def test_errors_that_no_command_can_raise_are_logged(caplog: pytest.LogCaptureFixture) -> None:
+    commands = CommandQueue()
+    commands.submit(Kind.END, refused)  # raised by no later command
+    assert commands.run(lambda: None, PATIENCE_S)
+    commands.close()
+    assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 1
+    blocked, over = Blocked(), threading.Event()
+    blocked.queue.submit(Kind.MOVE, refused)
+    blocked.queue.submit(Kind.MOVE, refused)  # the second of two
+    blocked.queue.close(over.set)
+    blocked.go.set()
+    assert over.wait(PATIENCE_S)
+    assert caplog.text.count("it does not land") == 3
+
+
+def test_of_several_errors_the_first_is_raised(caplog: pytest.LogCaptureFixture) -> None:
+    blocked = Blocked()
+    blocked.queue.submit(Kind.MOVE, lambda: int("no number"))
+    blocked.queue.submit(Kind.MOVE, refused)
+    blocked.go.set()
+    assert blocked.queue.run(lambda: None, PATIENCE_S)
+    with pytest.raises(ValueError, match="no number"):
+        blocked.queue.submit(Kind.GIMBAL, lambda: None)
+    assert "it does not land" in caplog.text
+
+
+def test_a_job_is_waited_for_and_one_that_takes_too_long_is_finished_later(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    go, begun, after = threading.Event(), threading.Event(), threading.Event()
+    commands = CommandQueue()
+    with pytest.raises(DroneError, match="it does not land"):
+        commands.run(refused, PATIENCE_S)
+
+    def late() -> None:
+        begun.set()
+        assert go.wait(PATIENCE_S)
+        refused()
+
+    assert not commands.run(late, 0.01)
+    commands.close(after.set)
+    assert begun.wait(PATIENCE_S)
+    assert not after.is_set()
+    go.set()
+    assert after.wait(PATIENCE_S)
+    assert "it does not land" in caplog.text
+
+
+# --- the connection -------------------------------------------------------------------------------
 
 
 def soon(condition: Callable[[], bool]) -> bool:
@@ -112,65 +161,60 @@ def soon(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+def called(flight: Flight) -> list[str]:
+    """Return the calls of the SDK, all of which another thread than this one has made."""
+    (thread,) = {thread for _, thread in flight.world.calls}
+    assert thread != threading.get_ident()
+    return [name for name, _ in flight.world.calls]
+
+
 def test_one_thread_makes_uses_and_destroys_the_object_of_the_sdk() -> None:
-    world = BlockingWorld()
-    drone = world.bridge()
-    drone.connect()
-    world.drone.event(FLYING, state="hovering")
-    drone.send(Command(movement=Velocity(forward_mps=0.5), gimbal=GimbalTo(pitch_rad=-0.5)))
-    assert soon(lambda: "piloting" in world.drone.names())
-    say(drone, MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
-    drone.disconnect()
-    assert world.destroyed.wait(PATIENCE_S)
-    assert {"make", "subscribe", "connect", "send", "piloting", "stop_piloting", "destroy"} <= set(
-        world.names()
+    flight = Flight(threaded=True)
+    flight.play("hovering")
+    flight.drone.send(Command(movement=Velocity(forward_mps=0.5), gimbal=GimbalTo(pitch_rad=-0.5)))
+    assert soon(lambda: "piloting" in flight.sdk.names())
+    flight.play(MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
+    flight.drone.disconnect()
+    assert flight.world.destroyed.wait(PATIENCE_S)
+    assert {"make", "subscribe", "connect", "send", "stop_piloting", "destroy"} <= set(
+        called(flight)
     )
-    assert len(world.threads()) == 1
-    assert threading.get_ident() not in world.threads()
 
 
-def test_a_drone_that_connects_too_late_is_let_go_by_the_thread_that_connected_it() -> None:
-    world = BlockingWorld()
-    world.blocks = "connect"
-    drone = world.bridge(connect_limit_s=0.01)
-    with pytest.raises(DroneError, match="not ready for commands after 0 s: restart it"):
-        drone.connect()
-    # The SDK is still connecting, so no other thread may use its object.
-    assert world.names() == ["make", "subscribe", "connect"]
-    assert world.drone.closed == []
-    world.go.set()
-    assert world.destroyed.wait(PATIENCE_S)
-    assert world.drone.connected
-    assert world.drone.closed == ["stop video", "disconnect", "destroy"]
-    assert len(world.threads()) == 1
-    assert world.drone.streaming.given == {}  # the video was not requested
-
-
-def test_a_video_that_blocks_is_given_up_in_time() -> None:
-    world = BlockingWorld()
-    world.on_video = lambda _: world.note("play")
-    world.blocks = "play"
-    drone = world.bridge(video_limit_s=0.01)
-    with pytest.raises(DroneError, match="sends no video"):
-        drone.connect()
-    assert world.drone.closed == []
-    world.go.set()
-    assert world.destroyed.wait(PATIENCE_S)
-    assert len(world.threads()) == 1
-
-
-def test_a_drone_that_does_not_disconnect_keeps_nobody(
+@pytest.mark.parametrize(
+    ("call", "limit", "message"),
+    [
+        ("connect", "CONNECT_LIMIT_S", "not ready for commands after 0 s: restart it"),
+        ("play", "VIDEO_LIMIT_S", "sends no video"),
+        ("disconnect", "CLOSE_LIMIT_S", "the SDK has not disconnected from anafi at 127.0.0.1:44"),
+    ],
+)
+def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_thread(
     caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    call: str,
+    limit: str,
+    message: str,
 ) -> None:
-    world = BlockingWorld()
-    drone = world.bridge(command_limit_s=0.01, setting_limit_s=0.01, close_limit_s=0.01)
-    drone.connect()
-    world.blocks = "disconnect"
-    drone.disconnect()
-    assert "the SDK has not disconnected from anafi at 127.0.0.1:44445 within 0.03 s" in caplog.text
+    monkeypatch.setattr(link, limit, 0.01)
+    monkeypatch.setattr(link, "COMMANDS_LIMIT_S", 0.01)
+    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
+    world = FakeWorld()
+    world.blocks = call
+    flight = Flight(world, threaded=True, connect=False)
+    if call == "disconnect":
+        flight.drone.connect()
+        flight.drone.disconnect()
+        assert message in caplog.text
+    else:
+        with pytest.raises(DroneError, match=message):
+            flight.drone.connect()
+    # The SDK is still busy, so no other thread may use its object.
+    assert called(flight)[-1] == call
     world.go.set()
     assert world.destroyed.wait(PATIENCE_S)
-    assert len(world.threads()) == 1
+    assert flight.sdk.closed == ["stop video", "disconnect", "destroy"]
+    assert called(flight)[-1] == "destroy"
 
 
 @pytest.mark.parametrize(
@@ -179,63 +223,42 @@ def test_a_drone_that_does_not_disconnect_keeps_nobody(
 )
 def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str) -> None:
     """After a take-off by a pilot the limits are set in the air, without confirmation."""
-    world = BlockingWorld()
+    world = FakeWorld()
     world.refused = set(SETTINGS)
-    drone = world.bridge(setting_limit_s=PATIENCE_S)
-    drone.connect()
-    world.drone.event(FLYING, state="hovering")
-    say(drone, Velocity(forward_mps=0.5))
+    flight = Flight(world, threaded=True)
+    flight.play("hovering", Velocity(forward_mps=0.5))
     expected = "piloting" if isinstance(movement, Release) else "BankedTurn"  # the last setting
-    assert soon(lambda: expected in world.drone.names())
-    say(drone, movement)
-    assert soon(lambda: order in world.drone.names())
-    world.drone.connected = False  # a lost drone is not asked for a confirmation
-    drone.disconnect()
+    assert soon(lambda: expected in flight.sdk.names())
+    flight.play(movement)
+    assert soon(lambda: order in flight.sdk.names())
+    flight.sdk.connected = False  # a lost drone is not asked for a confirmation
+    flight.drone.disconnect()
 
 
 @pytest.mark.parametrize("fails", ["piloting", "send", "disconnect"])
-def test_one_good_bye_that_fails_stops_no_other(
-    fails: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+def test_a_step_of_disconnecting_that_fails_stops_no_other(
+    fails: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    world = BlockingWorld()
-    drone = world.bridge()
-    drone.connect()
-    world.drone.event(FLYING, state="hovering")
-    say(drone, Velocity(forward_mps=0.5))
-    assert soon(lambda: "piloting" in world.drone.names())
-    note = world.note
-
-    def failing(call: str) -> None:
-        note(call)
-        if call == fails:
-            raise TimeoutError("no answer")
-
-    monkeypatch.setattr(world, "note", failing)
-    drone.disconnect()
-    assert world.destroyed.wait(PATIENCE_S)
+    flight = Flight(threaded=True)
+    flight.play("hovering", Velocity(forward_mps=0.5))
+    assert soon(lambda: "piloting" in flight.sdk.names())
+    flight.world.fails = fails
+    flight.drone.disconnect()
+    assert flight.world.destroyed.wait(PATIENCE_S)
     assert "failed: TimeoutError: no answer" in caplog.text
-    assert {"send", "disconnect", "destroy"} <= set(world.names())
+    assert {"send", "disconnect", "destroy"} <= set(called(flight))
 
 
 def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
-    world = BlockingWorld()
-    drone = world.bridge()
-    drone.connect()
+    flight = Flight(threaded=True)
+    flight.sdk.event(FLYING, state="floating")  # unknown, which is no error
+    assert "unknown flying state: floating" in caplog.text
+    caplog.clear()
     for _ in range(3):
         with pytest.raises(KeyError):
-            world.drone.event("ardrone3.PilotingState.AltitudeChanged", height=1.0)
+            flight.sdk.event(f"{STATE}.AltitudeChanged", height=1.0)
     (record,) = caplog.records
     assert record.getMessage() == (
         "the drone's data cannot be used: its event ardrone3.PilotingState.AltitudeChanged"
     )
-    drone.disconnect()
-
-
-def test_a_take_off_goes_out_after_the_limits() -> None:
-    world = BlockingWorld()
-    drone = world.bridge()
-    drone.connect()
-    say(drone, TakeOff())
-    drone.disconnect()
-    names = world.drone.names()
-    assert names.index("BankedTurn") < names.index("TakeOff") < names.index("BankedTurn", 6)
+    flight.drone.disconnect()

@@ -1,0 +1,347 @@
+"""An ANAFI through a scripted SDK: connecting, commands, and the sticks of a remote control."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import math
+from typing import Any
+
+import pytest
+
+from sim_bridge.olympe import link
+from tests.sim_bridge.olympe.fake_olympe import (
+    CLIMB,
+    MAX_ALTITUDE,
+    MAX_TILT,
+    ROTATION,
+    SETTINGS,
+    FakeWorld,
+    Flight,
+)
+from uav_bt.errors import DroneError, InputError
+from uav_bt.types import (
+    Command,
+    CutMotors,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    Release,
+    TakeOff,
+    Velocity,
+)
+
+LIMITS = [name.rpartition(".")[2] for name in SETTINGS][:5]
+MOVE, TURN = MoveBy(id=1, forward_m=1.0), Velocity(yaw_rate_radps=0.8)
+
+
+# --- connecting -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("version", "made"),
+    [
+        ((8, 5, 0), {"http_port": 8080, "discovery_port": 44445}),
+        ((7, 7, 5), {"media_port": 8080, "media_autoconnect": False}),
+    ],
+)
+def test_connecting_starts_the_video_and_changes_nothing(version: Any, made: Any) -> None:
+    sdk = Flight(FakeWorld(version), http_port=8080, rtsp_port=8554).sdk
+    assert (sdk.host, sdk.given) == ("127.0.0.1", made)
+    assert sdk.played == {"port": 8554, "timeout": 5.0}
+    assert sdk.on_frame is not None
+    assert sdk.sent == []
+
+
+def test_the_older_sdk_cannot_use_another_discovery_port() -> None:
+    with pytest.raises(InputError, match="always discovers on port 44445, asked for 45000"):
+        Flight(FakeWorld((7, 7, 5)), address="127.0.0.1:45000")
+
+
+def test_each_connection_has_an_sdk_object_of_its_own() -> None:
+    flight = Flight()
+    for _ in range(3):
+        flight.drone.connect()
+        flight.drone.disconnect()
+        flight.drone.disconnect()
+    closed = [sdk.closed for sdk in flight.world.made]
+    assert closed == [["stop video", "disconnect", "destroy"]] * 3
+
+
+def test_a_drone_that_refuses_is_disconnected() -> None:
+    flight = Flight(connect=False)
+    flight.world.answers = False
+    with pytest.raises(DroneError, match=r"anafi at 127\.0\.0\.1:44445 refused the connection"):
+        flight.drone.connect()
+    assert flight.sdk.closed == ["disconnect", "destroy"]
+
+
+@pytest.mark.parametrize("version", [(7, 7, 5), (8, 5, 0)])
+@pytest.mark.parametrize(
+    "fault", [TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledError()]
+)
+def test_no_video_is_reported_at_once(version: tuple[int, ...], fault: BaseException) -> None:
+    flight = Flight(FakeWorld(version), connect=False)
+    flight.world.video_fault = fault
+    with pytest.raises(DroneError, match=r"sends no video \(RTSP port 554\) within 5 s"):
+        flight.drone.connect()
+    assert flight.sdk.closed == ["stop video", "disconnect", "destroy"]
+
+
+def test_an_unconnected_drone_says_so() -> None:
+    drone = Flight(connect=False).drone
+    for call in (drone.observe, lambda: drone.send(Command(movement=Hover()))):
+        with pytest.raises(DroneError, match="is not connected: call connect"):
+            call()
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("steps", "sent"),
+    [
+        # The limits are set before the first movement only.
+        ([Hover(), Land(), TakeOff(), TakeOff()], [*LIMITS, "TakeOff"]),
+        ([Hover(), Land(), MOVE, MOVE], [*LIMITS, "moveBy"]),
+        # A take-off and a landing are repeated while they have no effect.
+        ([TakeOff(), 0.6, TakeOff(), 0.6, TakeOff()], [*LIMITS, "TakeOff", "TakeOff"]),
+        ([TakeOff(), "motor_ramping", 5.0, TakeOff()], [*LIMITS, "TakeOff"]),
+        (
+            ["hovering", Land(), Land(), 1.5, Land(), "landing", 1.5, Land()],
+            ["Landing", "Landing"],
+        ),
+        (["hovering", CutMotors()], ["Emergency"]),
+        # On the ground no sticks are held.
+        ([Velocity(forward_mps=0.5)], []),
+        (["hovering", Hover()], []),
+        # A hover ends a movement by one of zero.
+        (["hovering", MOVE, Hover(), Hover()], [*LIMITS, "moveBy", "moveBy"]),
+        # Sticks are let go before a movement and for a pilot.
+        (
+            ["hovering", TURN, MOVE, TURN, Release(), Release()],
+            [
+                *(*LIMITS, "piloting", "piloting", "stop_piloting", "moveBy"),
+                *("moveBy", "piloting", "piloting", "stop_piloting"),
+            ],
+        ),
+    ],
+)
+def test_only_changes_are_sent(steps: list[Any], sent: list[str]) -> None:
+    assert Flight().play(*steps) == sent
+
+
+def test_a_landing_comes_before_all_that_may_fail() -> None:
+    flight = Flight()
+    flight.play("hovering", TURN)
+    flight.world.steers = False
+    with contextlib.suppress(DroneError):
+        flight.play(TURN)
+    flight.sdk.sent.clear()
+    assert flight.play(Land()) == ["Landing", "piloting", "stop_piloting"]
+
+
+FIRST, SECOND = {"dX": 1.0}, {"dPsi": 0.49}
+
+
+@pytest.mark.parametrize(
+    ("ends", "state"),
+    [
+        ([], MovementState.RUNNING),
+        ([("interrupted", FIRST)], MovementState.RUNNING),
+        ([("interrupted", FIRST), ("ok", SECOND)], MovementState.DONE),
+        ([("ok", FIRST)], MovementState.RUNNING),  # it crossed the second command
+        ([("ok", SECOND)], MovementState.DONE),  # the event of the first was lost
+        ([("ok", FIRST), ("ok", SECOND), ("ok", FIRST)], MovementState.DONE),
+        *(([(error, {})], MovementState.REJECTED) for error in ("busy", "notAvailable")),
+        ([("landing", {}), ("ok", SECOND)], MovementState.INTERRUPTED),
+    ],
+)
+def test_an_end_event_counts_for_the_movement_of_its_distance(
+    ends: list[tuple[str, dict[str, float]]], state: MovementState
+) -> None:
+    flight = Flight()
+    flight.play("hovering", MOVE, MoveBy(id=2, yaw_rad=0.5))
+    for error, flown in ends:
+        if error == "landing":  # it ends all movements
+            flight.play(error)
+        else:
+            end = {**dict.fromkeys(("dX", "dY", "dZ", "dPsi"), 0.0), **flown}
+            flight.sdk.event("ardrone3.PilotingEvent.moveByEnd", error=error, **end)
+    assert flight.state.movement == MovementStatus(id=2, state=state)
+
+
+@pytest.mark.parametrize("firmware", ["1.7.0", "1.8.2", "2.0.0-rc1", "1.6.9", ""])
+def test_a_movement_keeps_the_speed_limits(firmware: str) -> None:
+    """Older firmware takes no speeds; it is slowed by the least tilt that can be set."""
+    limits = {"speed_limit_mps": 0.4, "climb_limit_mps": 0.3, "yaw_rate_limit_radps": 1.0}
+    flight = Flight(FakeWorld(firmware=firmware), altitude_limit_m=2.0, **limits)
+    flight.play("hovering", MoveBy(id=1, forward_m=1.0, yaw_rad=0.5), Hover())
+    sent = dict(flight.sdk.sent[:-1])
+    old = firmware in {"1.6.9", ""}
+    assert sent[MAX_TILT] == {"current": pytest.approx(1.0 if old else 10.0)}
+    assert sent[MAX_ALTITUDE] == {"current": 2.0}
+    assert sent[ROTATION] == {"current": pytest.approx(math.degrees(1.0))}
+    name, args = flight.sdk.sent[-2]
+    if old:
+        assert name == "ardrone3.Piloting.moveBy"
+        assert args == {"dX": 1.0, "dY": 0.0, "dZ": 0.0, "dPsi": 0.5}
+    else:
+        assert name == "move.extended_move_by"
+        assert list(args.values()) == [1.0, 0.0, 0.0, 0.5, 0.4, 0.3, sent[ROTATION]["current"]]
+    assert set(flight.sdk.sent[-1][1].values()) == {0.0}
+
+
+def test_a_command_is_returned_as_it_was_sent() -> None:
+    flight = Flight()
+    order = Velocity(forward_mps=3.0, right_mps=4.0, down_mps=-9.0, yaw_rate_radps=9.0)
+    sent = flight.drone.send(Command(movement=order, gimbal=GimbalTo(pitch_rad=0.5)))
+    assert isinstance(sent.movement, Velocity)
+    assert sent.movement.forward_mps == pytest.approx(0.6)
+    assert sent.movement.right_mps == pytest.approx(0.8)
+    assert (sent.movement.down_mps, sent.movement.yaw_rate_radps) == (-0.6, 1.6)
+    assert sent.gimbal == GimbalTo(pitch_rad=0.0)
+
+
+def test_the_gimbal_is_set_against_the_horizon_when_its_target_changes() -> None:
+    flight = Flight()
+    for pitch_rad in (-0.5, -0.5, -math.pi / 2):
+        flight.drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=pitch_rad)))
+    assert flight.sdk.names() == ["set_target", "set_target"]
+    target = flight.sdk.sent[1][1]
+    assert target["pitch"] == pytest.approx(-90.0)
+    assert target["pitch_frame_of_reference"] == "absolute"
+    assert target["control_mode"] == "position"
+
+
+# --- sticks ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("setting", "reported", "share"),
+    [
+        (ROTATION, math.degrees(1.6), (50, 50)),
+        (ROTATION, 160.0, (29, 50)),
+        (CLIMB, 0.1, (50, 100)),  # less than was wanted
+        (CLIMB, 1.2, (50, 25)),
+        (CLIMB, 0.0, (50, 50)),  # no limit of a drone: the wanted one
+    ],
+)
+def test_sticks_are_shares_of_the_limits_that_the_drone_reports(
+    setting: str, reported: float, share: tuple[int, int]
+) -> None:
+    flight = Flight(FakeWorld(firmware="1.8.2"))
+    flight.play("hovering", MOVE)
+    event, argument, _ = SETTINGS[setting]
+    flight.sdk.event(event, **{argument: reported})
+    flight.play(Velocity(forward_mps=0.5, yaw_rate_radps=0.8, down_mps=0.3), Hover())
+    (_, held), (_, centred) = flight.sdk.sent[-2:]
+    roll, pitch, yaw, climb = held["sticks"]
+    assert (roll, (yaw, -climb), held["for_s"]) == (0, share, 0.5)
+    assert 0 < pitch < 100
+    assert centred == {"sticks": (0, 0, 0, 0), "for_s": 0.0}
+
+
+def test_a_tilt_limit_that_was_not_taken_halves_the_stick() -> None:
+    pitches = []
+    for refused in (set[str](), {MAX_TILT}):  # then the limit stays at 20 degrees
+        flight = Flight(FakeWorld(firmware="1.8.2"))
+        flight.world.refused = refused
+        flight.play("hovering", Velocity(forward_mps=1.0))
+        pitches.append(flight.sdk.sent[-1][1]["sticks"][1])
+    assert pitches[1] == pytest.approx(pitches[0] / 2, abs=1)
+
+
+def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:
+    flight = Flight()
+    flight.world.steers = False
+    with pytest.raises(DroneError, match="no longer accepts stick positions"):
+        flight.play("hovering", TURN)
+
+
+# --- a remote control -----------------------------------------------------------------------------
+
+CONNECTION = "drone_manager.connection_state"
+
+
+def with_remote() -> Flight:
+    world = FakeWorld()
+    world.on_connect = lambda sdk: sdk.event(CONNECTION, state="connected")
+    flight = Flight(world, remote=True)
+    flight.play("SkyController")
+    assert flight.sdk.given["sky"]
+    assert flight.sdk.played["port"] is None
+    return flight
+
+
+def sources(flight: Flight) -> list[str]:
+    return [args["source"] for name, args in flight.sdk.sent if "setPilotingSource" in name]
+
+
+OURS, PILOTS = "Controller", "SkyController"
+
+
+@pytest.mark.parametrize(
+    ("steps", "sent", "pilot"),
+    [
+        ([Release()], [], False),  # looking takes no sticks
+        ([TakeOff()], [OURS], False),
+        ([Hover(), OURS, Release(), Release(), PILOTS], [OURS, PILOTS], False),  # given, not taken
+        (
+            [Hover(), OURS, Release(), PILOTS, 5.0, Hover(), OURS, Hover()],
+            [OURS, PILOTS, OURS],
+            False,
+        ),
+        # A pilot who takes the sticks keeps them.
+        ([Hover(), OURS, PILOTS, 5.0, Release(), Hover()], [OURS], True),
+    ],
+)
+def test_the_sticks_are_taken_and_given(steps: list[Any], sent: list[str], *, pilot: bool) -> None:
+    flight = with_remote()
+    flight.play(*steps)
+    assert sources(flight) == sent
+    assert flight.state.pilot_has_control is pilot
+
+
+def test_sticks_are_taken_before_a_take_off_and_after_a_landing() -> None:
+    assert with_remote().play(TakeOff())[0] == "setPilotingSource"
+    assert with_remote().play("hovering", Land()) == ["Landing", "setPilotingSource"]
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_the_sticks_are_given_back_in_the_end_also_if_the_drone_is_lost(*, lost: bool) -> None:
+    flight = with_remote()
+    flight.play(TakeOff(), OURS)
+    if lost:
+        flight.sdk.event(CONNECTION, state="searching")
+    flight.drone.disconnect()
+    assert sources(flight) == [OURS, PILOTS]
+
+
+def test_a_remote_control_without_its_drone_is_heard_but_not_the_drone() -> None:
+    flight = with_remote()
+    flight.play("hovering")
+    flight.sdk.measures()
+    for _ in range(300):
+        flight.play(0.05)
+        flight.sdk.event("skyctrl.SkyControllerState.AttitudeChanged", q0=1.0)
+    state = flight.state
+    assert (state.captured_s, state.flying, state.connected) == (0.0, FlyingState.HOVERING, True)
+    flight.sdk.event(CONNECTION, state="searching")
+    state = flight.state
+    assert (state.connected, state.lost) == (False, False)  # the remote control may reconnect
+
+
+def test_a_remote_control_without_a_drone_is_reported_before_video_is_requested(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(link, "BEHIND_LIMIT_S", 0.01)
+    flight = Flight(remote=True, connect=False)
+    with pytest.raises(DroneError, match="no drone is connected to it: switch the drone on"):
+        flight.drone.connect()
+    assert flight.sdk.played == {}

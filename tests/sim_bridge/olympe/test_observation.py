@@ -1,0 +1,382 @@
+"""Events and frames of an ANAFI as states, faults and frames; speeds as stick positions."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from sim_bridge.olympe import video
+from sim_bridge.olympe.self_report import SelfReport
+from sim_bridge.olympe.speed import FullSticks, SpeedHolder, Sticks
+from sim_bridge.olympe.video import CaptureTimes, DecodedFrame, FrameClock, decode_frame
+from tests.sim_bridge.olympe.fake_olympe import (
+    FLYING,
+    MEASURED,
+    PATIENCE_S,
+    STATE,
+    FakeFrame,
+    Flight,
+    config,
+)
+from uav_bt.types import BodyVelocity, FlyingState, MoveBy, Velocity
+
+# --- states ---------------------------------------------------------------------------------------
+
+
+class Constant:
+    """A member of an enumeration of the SDK."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def test_events_become_a_state() -> None:
+    flight = Flight(take_off_surface_m=0.4)
+    state = flight.state
+    assert (state.battery, state.link, state.captured_s) == (None, None, -math.inf)
+    flight.play(3.0)
+    tell = flight.sdk.event
+    tell(FLYING, state=Constant("flying"))
+    tell(f"{STATE}.AttitudeChanged", roll=0.1, pitch=-0.2, yaw=math.pi / 2)
+    tell(f"{STATE}.SpeedChanged", speedX=0.0, speedY=0.5, speedZ=-0.1)
+    tell(f"{STATE}.AltitudeChanged", altitude=1.5)
+    tell("common.CommonState.BatteryStateChanged", percent=63)
+    tell("common.CommonState.LinkSignalQuality", value=0x80 | 4)
+    tell("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0, pitch_relative=3.0)
+    state = flight.state
+    assert state.captured_s == 3.0
+    assert state.flying is FlyingState.FLYING
+    assert (state.attitude.roll_rad, state.attitude.pitch_rad) == (0.1, -0.2)
+    assert state.velocity.forward_mps == pytest.approx(0.5)
+    assert state.velocity.right_mps == pytest.approx(0.0)
+    assert state.velocity.down_mps == -0.1
+    assert (state.altitude_m, state.height_m) == (1.5, pytest.approx(1.55))
+    assert state.height_above_ground_m == pytest.approx(1.95)
+    assert state.gimbal_pitch_rad == pytest.approx(math.radians(-30))
+    assert (state.battery, state.link) == (0.63, 0.8)
+    assert (state.pilot_has_control, state.connected, state.lost) == (False, True, False)
+    flight.sdk.connected = False
+    state = flight.state
+    assert (state.connected, state.lost) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("landed", FlyingState.LANDED),
+        ("motor_ramping", FlyingState.TAKING_OFF),
+        ("takingoff", FlyingState.TAKING_OFF),
+        ("hovering", FlyingState.HOVERING),
+        ("landing", FlyingState.LANDING),
+        ("emergency_landing", FlyingState.LANDING),
+        ("emergency", FlyingState.EMERGENCY),
+    ],
+)
+def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
+    flight = Flight()
+    flight.play(name)
+    assert flight.state.flying is expected
+
+
+def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
+    flight = Flight()
+    flight.sdk.measures()
+    for _ in range(200):  # 10 s of 20 events a second
+        flight.play(0.05)
+        flight.sdk.event("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0)
+        flight.sdk.event("camera.zoom_level", cam_id=0, level=1.0)
+        flight.play("hovering")
+    flight.play(MoveBy(id=1, forward_m=0.3))
+    state = flight.state
+    assert flight.drone.clock.now() - state.captured_s == pytest.approx(10.0)
+    assert state.times.gimbal_s == pytest.approx(10.0)
+    flight.sdk.measures()
+    assert flight.state.captured_s == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("silent", MEASURED)
+def test_the_state_is_as_old_as_its_oldest_part(silent: str) -> None:
+    flight = Flight()
+    flight.sdk.measures()
+    flight.play(3.0)
+    flight.sdk.measures(silent)
+    state = flight.state
+    assert state.captured_s == getattr(state.times, f"{silent}_s") == 0.0
+
+
+def test_a_measured_height_has_its_own_time_and_a_computed_one_that_of_the_altitude() -> None:
+    flight = Flight()
+    flight.sdk.measures()
+    assert flight.state.times.height_s == 0.0
+    flight.sdk.event(f"{STATE}.AltitudeAboveGroundChanged", altitude=1.2)
+    flight.play(1.0)
+    flight.sdk.measures()
+    times = flight.state.times
+    assert (times.altitude_s, times.height_s) == (1.0, 0.0)
+
+
+# --- faults ---------------------------------------------------------------------------------------
+
+SENSORS, CHECKLIST = "common.CommonState.SensorsStatesListChanged", "alarms.takeoff_checklist"
+ALERT, MOTORS = f"{STATE}.AlertStateChanged", "ardrone3.SettingsState.MotorErrorStateChanged"
+COMPASS = "common.CalibrationState.MagnetoCalibrationRequiredState"
+# What the events have besides, for simplicity all of them.
+OTHER = {"sensorName": "vertical_camera", "check": "gyro", "type": "motor_cutout", "motorIds": 10}
+
+
+@pytest.mark.parametrize(
+    ("event", "name", "values", "line"),
+    [
+        (f"{STATE}.HoveringWarning", "no_gps_too_dark", (1, 0), "light: too dark to hover"),
+        (ALERT, "state", ("cut_out", "none"), "alert: cut out"),
+        (ALERT, "state", ("motor_error", "low_battery"), "alert: motor error"),
+        (MOTORS, "motorError", ("errorStalled", "noError"), "motors: errorStalled of motor 2, 4"),
+        (COMPASS, "required", (1, 2), "magnetometer: needs a calibration"),
+        (SENSORS, "sensorState", (0, 1), "vertical camera: does not work"),
+        ("camera.zoom_level", "level", (1.5, 1.0), "camera: zoomed in, 1.5 times"),
+        ("gimbal.calibration_state", "state", ("required", "ok"), "gimbal: needs a calibration"),
+        ("gimbal.alert", "error", (4, 0), "gimbal: reports an error (4)"),
+        (CHECKLIST, "state", ("on", "off"), "take-off checklist: gyro prevents"),
+        ("alarms.alarms", "state", ("on", "off"), "alarm: motor cutout"),
+    ],
+)
+def test_each_reported_fault_lasts_until_it_is_withdrawn(
+    caplog: pytest.LogCaptureFixture, event: str, name: str, values: Any, line: str
+) -> None:
+    report, (bad, good) = SelfReport(), values
+    report.take(event, OTHER | {name: bad})
+    report.take(event, OTHER | {name: bad})
+    (fault,) = report.faults
+    assert f"{fault.what}: {fault.found}".startswith(line)
+    assert fault.remedy
+    assert caplog.text.count(fault.found) == 1
+    report.take(event, OTHER | {name: good})
+    assert report.faults == ()
+
+
+def test_a_fault_of_one_part_is_not_withdrawn_by_another_and_outdoors_does_not_count() -> None:
+    report = SelfReport()
+    for name in ("barometer", "GPS"):
+        report.take(SENSORS, {"sensorName": name, "sensorState": 0})
+    report.take(SENSORS, {"sensorName": "magnetometer", "sensorState": 1})
+    report.take(CHECKLIST, {"check": "gps", "state": "on"})
+    assert [fault.what for fault in report.faults] == ["barometer"]
+
+
+def test_a_return_home_that_cannot_be_switched_off_is_a_fault() -> None:
+    report = SelfReport(return_home=False)
+    assert [fault.what for fault in report.faults] == ["return home"]
+    report.take("rth.auto_trigger_mode", {"mode": "on"})
+    assert report.faults == SelfReport(return_home=True).faults == ()
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+def turned(roll: float, pitch: float, yaw: float) -> dict[str, float]:
+    rotation = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    return dict(zip("xyzw", rotation.as_quat().tolist(), strict=True))
+
+
+def decoded(meta: dict[str, Any], stream_us: int = 0) -> DecodedFrame:
+    frame = FakeFrame(meta)
+    frame.ref()
+    frame.stream_us = stream_us
+    found = decode_frame(frame)
+    assert found is not None
+    return found
+
+
+@given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
+def test_a_rotation_is_read_as_angles(roll: float, pitch: float, yaw: float) -> None:
+    attitude = decoded({"drone": {"quat": turned(roll, pitch, yaw)}}).attitude
+    assert attitude is not None
+    found = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
+    assert found == pytest.approx((roll, pitch, yaw), abs=1e-5)
+
+
+def test_older_firmware_sends_a_flat_record() -> None:
+    record = {"drone_quat": turned(0.0, 0.0, 0.4), "frame_quat": turned(0.0, -0.6, 0.4)}
+    found = decoded({**record, "ground_distance": 1.25}, stream_us=7)
+    assert found.attitude is not None
+    assert found.attitude.yaw_rad == pytest.approx(0.4)
+    assert found.gimbal_pitch_rad == pytest.approx(-0.6)
+    assert (found.height_m, found.altitude_m, found.stamp) == (1.25, None, ("stream", 7))
+
+
+@pytest.mark.parametrize(
+    "meta",
+    [
+        {},
+        {"drone": 3, "camera": "x"},
+        {"drone": {"quat": {"w": 0, "x": 0, "y": 0, "z": 0}, "ground_distance": None}},
+        {"camera": {"quat": {"w": "a"}, "timestamp": 0}},
+    ],
+)
+def test_metadata_without_content_are_no_error(meta: dict[str, Any]) -> None:
+    found = decoded(meta)
+    assert (found.stamp, found.attitude, found.gimbal_pitch_rad) == (None, None, None)
+    assert (found.height_m, found.altitude_m) == (None, None)
+
+
+def deliver(flight: Flight, *frames: FakeFrame) -> None:
+    for frame in frames:
+        flight.sdk.on_frame(frame)
+        assert frame.references == 0
+
+
+def test_only_the_newest_frame_is_seen_with_its_metadata() -> None:
+    flight = Flight()
+    assert flight.drone.observe().frame is None
+    meta = {
+        "drone": {"quat": turned(0.0, 0.0, 0.0), "ground_distance": 0.7, "altitude_ato": 1.1},
+        "camera": {"quat": turned(0.0, -0.5, 0.0), "timestamp": 5_000_000},
+    }
+    deliver(flight, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
+    frame = flight.drone.observe().frame
+    assert frame is not None
+    assert frame.image.shape == (360, 640, 3)
+    assert frame.image.min() > 250
+    assert frame.index == 1
+    assert frame.captured_s == pytest.approx(-0.15)
+    assert frame.gimbal_pitch_rad == pytest.approx(-0.5)
+    assert (frame.altitude_m, frame.height_m) == (1.1, 0.7)
+    assert frame.height_above_ground_m == pytest.approx(1.15)
+    assert flight.drone.observe().frame is frame
+
+
+def test_a_frame_without_metadata_has_the_values_of_the_state_and_grows_old() -> None:
+    flight = Flight()
+    flight.sdk.event(f"{STATE}.AltitudeChanged", altitude=1.3)
+    flight.sdk.event("gimbal.attitude", pitch_absolute=-45.0)
+    deliver(flight, FakeFrame())
+    flight.play(7.0)
+    frame = flight.drone.observe().frame
+    assert frame is not None
+    assert frame.altitude_m == 1.3
+    assert frame.gimbal_pitch_rad == pytest.approx(math.radians(-45))
+    assert flight.drone.clock.now() - frame.captured_s == pytest.approx(7.15)
+
+
+def test_colours_come_back() -> None:
+    """Red, green and blue fields, computed by the equations of BT.709."""
+    wanted = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.float64)
+    matrix = np.array([[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])
+    y, cb, cr = (matrix @ wanted.T) * np.array([[219], [224], [224]]) / 255
+    planes = np.zeros((3 * 32 // 2, 96), np.uint8)
+    planes[:32] = np.repeat(np.round(16 + y), 32)
+    for number, colour in enumerate((cb, cr)):
+        half = np.repeat(np.round(128 + colour).astype(np.uint8)[None], 16, 0).repeat(16, 1)
+        planes[32 + 8 * number : 40 + 8 * number] = half.reshape(8, 96)
+    flight, sent = Flight(image_size_px=(96, 54)), FakeFrame()
+    sent.planes = planes
+    deliver(flight, sent)
+    frame = flight.drone.observe().frame
+    assert frame is not None
+    seen = frame.image[27, [16, 48, 80]].astype(int)
+    assert np.abs(seen - wanted).max() <= 6
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        # A delayed frame keeps its time.
+        [(10.0, "camera", 1.0, 9.9), (10.3, "camera", 1.1, 10.0), (10.31, "camera", 1.3, 10.2)],
+        # Two clocks are independent.
+        [
+            (10.0, "stream", 5e3, 9.9),
+            (10.1, "camera", 1.0, 10.0),
+            (10.2, "stream", 5e3 + 0.2, 10.1),
+        ],
+        # A clock that was set back is a new one.
+        [(10.0, "camera", 900.0, 9.9), (10.1, "camera", 0.005, 10.0)],
+        [(10.0, None, 0.0, 9.9)],
+    ],
+)
+def test_capture_times_are_those_of_the_fastest_frame(frames: list[Any]) -> None:
+    times = CaptureTimes(0.1)
+    for arrived_s, clock, stamp_s, captured_s in frames:
+        stamp = None if clock is None else (clock, round(1e6 * stamp_s))
+        assert times.captured(arrived_s, stamp) == pytest.approx(captured_s, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arrived", "seen", "waits_s"),
+    [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)],
+)
+def test_a_tick_waits_for_its_time_and_a_little_for_a_new_frame(
+    *, arrived: bool, seen: bool, waits_s: float
+) -> None:
+    clock = FrameClock()
+    if arrived:
+        clock.frame_arrived()
+    if seen:
+        clock.frame_seen()
+    clock.sleep_until(0.03)
+    assert clock.now() >= waits_s
+
+
+def test_a_frame_ends_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video, "NO_FRAME_S", PATIENCE_S)
+    flight = Flight()
+    flight.drone.observe()
+    began_s = time.monotonic()
+    threading.Timer(0.02, lambda: deliver(flight, FakeFrame())).start()
+    flight.drone.clock.sleep_until(0.0)
+    assert time.monotonic() - began_s < PATIENCE_S
+
+
+# --- speeds ---------------------------------------------------------------------------------------
+
+FULL = FullSticks(tilt_rad=math.radians(10.0), climb_mps=0.6, yaw_rate_radps=1.6)
+
+
+@given(
+    order=st.builds(
+        Velocity,
+        forward_mps=st.floats(-5, 5),
+        right_mps=st.floats(-5, 5),
+        down_mps=st.floats(-5, 5),
+        yaw_rate_radps=st.floats(-9, 9),
+    ),
+    measured=st.floats(-20, 20),
+)
+def test_sticks_stay_within_a_hundred_percent(order: Velocity, measured: float) -> None:
+    holder = SpeedHolder(config())
+    limited = holder.limited(order)
+    assert math.hypot(limited.forward_mps, limited.right_mps) <= 1.0 + 1e-9
+    sticks = holder.sticks(limited, BodyVelocity(forward_mps=measured), 0.0, FULL)
+    assert max(map(abs, sticks)) <= 100
+
+
+@pytest.mark.parametrize(("speed_mps", "brakes"), [(0.0, False), (0.05, False), (0.5, True)])
+def test_a_drone_without_an_order_brakes_and_then_holds_its_position_itself(
+    speed_mps: float, *, brakes: bool
+) -> None:
+    measured = BodyVelocity(forward_mps=speed_mps)
+    sticks = SpeedHolder(config()).sticks(Velocity(), measured, 0.0, FULL)
+    assert (sticks.pitch < 0) is brakes
+    assert (sticks == Sticks()) is not brakes
+
+
+@pytest.mark.parametrize("plant", ["tilt", "speed"])
+def test_a_speed_is_reached_whether_sticks_command_tilt_or_speed(plant: str) -> None:
+    holder, speed_mps, step_s = SpeedHolder(config()), 0.0, 0.05
+    for step in range(400):
+        measured = BodyVelocity(forward_mps=speed_mps)
+        sticks = holder.sticks(Velocity(forward_mps=0.5), measured, step * step_s, FULL)
+        share = sticks.pitch / 100
+        if plant == "tilt":
+            pull_mps2 = 9.81 * math.tan(share * math.radians(10.0)) - 0.25 * speed_mps
+        else:
+            pull_mps2 = (share * 1.0 - speed_mps) / 0.3
+        speed_mps += step_s * pull_mps2
+    assert speed_mps == pytest.approx(0.5, abs=0.05)

@@ -1,0 +1,279 @@
+"""Photographs of an ANAFI's camera: commands and events, and the files from its web server."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import pytest
+
+from sim_bridge.olympe import media
+from sim_bridge.olympe.media import fetch_photo
+from sim_bridge.olympe.stills import OlympeStills
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, Flight
+from uav_bt.errors import DroneError
+from uav_bt.protocols import Photographing, Still, StillState
+
+SAVED = Still(state=StillState.SAVED, media="10000001")
+
+
+class Flown(Flight):
+    """A connected drone, and the answers of its camera."""
+
+    def __init__(self, mode: str | None = "recording") -> None:
+        super().__init__()
+        assert isinstance(self.drone, Photographing)
+        assert self.drone.stills is not None
+        self.stills: OlympeStills = self.drone.stills
+        if mode is not None:
+            self.event("camera_mode", mode=mode)
+        self.event("photo_state", available="not_available", state="inactive")
+
+    @property
+    def asked(self) -> list[str]:
+        """Commands to the camera, and the modes that it was set to."""
+        return [
+            str(args.get("value", name.rpartition(".")[2]))
+            for name, args in self.sdk.sent
+            if name.startswith("camera.")
+        ]
+
+    def event(self, name: str, **args: object) -> None:
+        self.sdk.event(f"camera.{name}", **{"cam_id": 0, **args})
+
+    def progress(self, *results: str) -> None:
+        for result in results:
+            name = SAVED.media if result == "photo_saved" else ""
+            self.event("photo_progress", result=result, photo_count=1, media_id=name)
+
+    def ready(self) -> None:
+        """Report the mode for photographs, and tick."""
+        self.event("camera_mode", mode="photo")
+        self.event("photo_state", available="available", state="inactive")
+        self.drone.observe()
+
+    def taken(self) -> Still:
+        return self.stills.still(self.stills.take_still())
+
+
+@pytest.mark.parametrize(
+    ("mode", "commands"),
+    [
+        ("recording", ["photo", "take_photo", "recording"] * 2),
+        ("photo", ["take_photo"] * 2),
+        (None, ["photo", "take_photo", "take_photo"]),  # an unknown mode is not restored
+    ],
+)
+def test_the_camera_changes_its_mode_takes_photographs_and_changes_back(
+    mode: str | None, commands: list[str]
+) -> None:
+    flown = Flown(mode)
+    for _ in range(2):
+        number = flown.stills.take_still()
+        flown.event("camera_mode", mode="photo")
+        flown.event("photo_state", available="not_available", state="inactive")
+        flown.drone.observe()
+        flown.ready()
+        flown.progress("taking_photo", "photo_taken")
+        assert flown.stills.still(number) == Still()
+        flown.progress("photo_saved")
+        assert flown.stills.still(number) == SAVED
+        flown.drone.observe()
+        flown.drone.observe()
+        if mode == "recording":
+            flown.event("camera_mode", mode=mode)
+    assert flown.asked == commands
+
+
+@pytest.mark.parametrize(
+    ("result", "reason"),
+    [
+        ("error_no_storage_space", "the memory card is full"),
+        ("error_bad_state", "the camera is busy, or in another mode"),
+        ("error", "the camera reports an error"),
+        ("error_of_newer_firmware", "the camera reports 'error_of_newer_firmware'"),
+    ],
+)
+def test_an_error_of_the_camera_is_the_reason(result: str, reason: str) -> None:
+    flown = Flown()
+    number = flown.stills.take_still()
+    flown.ready()
+    flown.progress(result)
+    assert flown.stills.still(number) == Still(state=StillState.FAILED, reason=reason)
+    flown.drone.observe()
+    assert flown.asked[-1] == "recording"
+
+
+def card(state: str, content: str) -> tuple[str, dict[str, str]]:
+    return "user_storage.state", {"physical_state": state, "file_system_state": content}
+
+
+def choice(mode: str, file_format: str) -> tuple[str, dict[str, str]]:
+    return "camera.photo_mode", {"mode": mode, "file_format": file_format}
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        (card("undetected", "unknown"), "the drone has no memory card"),
+        (card("too_small", "unknown"), "the memory card is too small"),
+        (card("available", "format_needed"), "the memory card must be formatted"),
+        (choice("burst", "jpeg"), "the camera is set to 'burst': choose single photographs"),
+        (choice("single", "dng"), "the camera is set to 'dng': choose JPEG"),
+    ],
+)
+def test_without_a_usable_card_or_by_another_choice_of_the_pilot_nothing_is_sent(
+    told: tuple[str, dict[str, str]], reason: str
+) -> None:
+    flown = Flown()
+    flown.sdk.event(told[0], **told[1])
+    assert flown.taken().reason.startswith(reason)
+    assert flown.asked == []
+    for event, args in (card("available", "ready"), choice("single", "dng_jpeg")):
+        flown.sdk.event(event, **args)
+    assert flown.taken().state is StillState.TAKING
+
+
+def test_events_of_another_photograph_do_not_count() -> None:
+    flown = Flown()
+    first = flown.stills.take_still()
+    flown.progress("photo_saved", "error")  # before the command
+    flown.event("camera_mode", cam_id=1, mode="photo")
+    flown.drone.observe()
+    assert flown.asked == ["photo"]
+    flown.ready()
+    flown.progress("taking_photo")
+    second = flown.stills.take_still()
+    assert flown.stills.still(first).reason == "another one was asked for"
+    flown.progress("photo_saved")  # of the first
+    assert flown.stills.still(second) == Still()
+    flown.progress("taking_photo", "photo_taken", "photo_saved")
+    assert flown.stills.still(second) == SAVED
+    flown.drone.observe()
+    assert flown.asked == ["photo", "take_photo", "take_photo", "recording"]
+
+
+def test_the_mode_is_restored_before_the_drone_is_disconnected() -> None:
+    flown = Flown()
+    number = flown.stills.take_still()
+    flown.ready()
+    flown.drone.disconnect()
+    assert flown.asked == ["photo", "take_photo", "recording"]
+    assert flown.stills.still(number).reason == "the drone was disconnected"
+    assert flown.drone.stills is None
+
+
+def test_a_command_that_fails_ends_the_photograph_and_not_the_flight() -> None:
+    flown = Flown()
+    flown.world.fails = "send"
+    number = flown.stills.take_still()
+    flown.drone.observe()
+    assert flown.stills.still(number).reason == "the command to the camera failed: no answer"
+
+
+# --- the web server -------------------------------------------------------------------------------
+
+PHOTO = b"\xff\xd8 a photograph"
+LISTED, FILE = "/api/v1/media/medias/100", "/data/media/1000001.JPG"
+
+
+def medium(url: str = FILE, format_: str = "JPG") -> bytes:
+    files = [{"format": "DNG", "url": "/data/media/a.DNG"}, {"format": format_, "url": url}]
+    return json.dumps({"resources": files}).encode()
+
+
+class Web(BaseHTTPRequestHandler):
+    """A web server with fixed answers."""
+
+    def do_GET(self) -> None:
+        self.server: Any
+        if self.server.drips:
+            self.wfile.write(b"HTTP/1.1 200 OK\r\nX: ")
+            while not self.server.over.wait(0.01):
+                self.wfile.write(b".")  # something comes before every timeout
+            return
+        content = self.server.pages.get(self.path)
+        self.send_response(404 if content is None else 200)
+        self.send_header("Content-Length", str(len(content or b"") + self.server.short))
+        self.end_headers()
+        self.wfile.write(content or b"")
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+        pass
+
+
+@pytest.fixture
+def web() -> Iterator[Any]:
+    server: Any = ThreadingHTTPServer(("127.0.0.1", 0), Web)
+    server.pages = {LISTED: medium(), FILE: PHOTO}
+    server.short = 0  # bytes that are announced and not sent
+    server.drips, server.over = False, threading.Event()
+    thread = threading.Thread(target=partial(server.serve_forever, 0.01), daemon=True)
+    thread.start()
+    yield server
+    server.over.set()
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def fetched(server: Any, name: str = "100", limit_s: float = PATIENCE_S) -> bytes:
+    return fetch_photo(*server.server_address, name, limit_s)
+
+
+def test_the_jpeg_of_a_photograph_is_fetched_by_its_identifier(web: Any) -> None:
+    assert fetched(web) == PHOTO
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "words"),
+    [
+        (LISTED, None, "answers 404 to GET /api/v1/media/medias/100"),
+        (FILE, None, "answers 404 to GET /data/media/1000001.JPG"),
+        (FILE, b"<html>", "something else than a JPEG file"),
+        (FILE, PHOTO + b"..", "sends more than 14 bytes"),
+        *(
+            (LISTED, content, "lists no JPEG file for '100'")
+            for content in (b"{", b"[]", b'{"resources": []}', b'{"resources": [1]}')
+        ),
+        (LISTED, medium(format_="DNG"), "lists no JPEG file for '100'"),
+        (LISTED, medium("http://127.0.0.9/a.JPG"), "expected a path of it"),
+        (LISTED, medium("/data/../a.JPG"), "expected a path of it"),
+        (LISTED, medium("/data/a.JPG\r\nX: 1"), "expected a path of it"),
+    ],
+)
+def test_what_the_drone_sends_is_checked(
+    web: Any, monkeypatch: pytest.MonkeyPatch, path: str, content: bytes | None, words: str
+) -> None:
+    monkeypatch.setattr(media, "_MAX_PHOTO_BYTES", 14)
+    web.pages[path] = content
+    with pytest.raises(DroneError) as caught:
+        fetched(web)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "../x", "1/2", "1 2", "1\r\n", "9" * 65])
+def test_an_odd_identifier_is_never_asked_for(web: Any, name: str) -> None:
+    with pytest.raises(DroneError, match="is no identifier"):
+        fetched(web, name)
+
+
+def test_a_photograph_that_ends_early_is_refused(web: Any) -> None:
+    web.short = 1
+    with pytest.raises(DroneError, match="does not send it: IncompleteRead"):
+        fetched(web)
+
+
+def test_the_time_limit_holds_for_all_of_it_also_while_bytes_arrive(web: Any) -> None:
+    web.drips = True
+    with pytest.raises(DroneError, match=r"does not send it: it has not come within 0.3 s"):
+        fetched(web, limit_s=0.3)
+
+
+def test_no_server_is_an_error() -> None:
+    with pytest.raises(DroneError, match=r"web server at 127.0.0.1:1 does not send it"):
+        fetch_photo("127.0.0.1", 1, "100", 5.0)
