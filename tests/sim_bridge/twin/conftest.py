@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 
@@ -17,17 +18,14 @@ SMALL = (160, 90)
 @pytest.fixture
 def make_twin() -> Iterator[Callable[..., TwinDrone]]:
     """Yield a maker of connected twins with small images; all are disconnected at the end."""
-    made: list[TwinDrone] = []
+    with ExitStack() as ends:
 
-    def make(*, airborne: bool = False, **options: object) -> TwinDrone:
-        settings = {"profile": "ideal", "image_size_px": SMALL} | options
-        drone = TwinConfig(**settings).create()
-        made.append(drone)
-        drone.connect()
-        if airborne:
-            fly(drone, TakeOff(), 4.5)
-        return drone
+        def make(*, airborne: bool = False, **options: object) -> TwinDrone:
+            drone = TwinConfig(**{"profile": "ideal", "image_size_px": SMALL} | options).create()
+            ends.callback(drone.disconnect)
+            drone.connect()
+            if airborne:
+                fly(drone, TakeOff(), 4.5)
+            return drone
 
-    yield make
-    for drone in made:
-        drone.disconnect()
+        yield make

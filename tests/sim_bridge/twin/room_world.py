@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from sim_bridge.twin.flying_body import FlyingBody
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 
@@ -45,6 +47,9 @@ room:
       surface: {colour: "#ff7000"}
       moves: true
 """
+OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
+L_SHAPED = LAB.replace("size_m: [6, 4]", OUTLINE)
+START = "take_off: {from: [-2.5, -1.5]}\n"
 CONE = """\
 # two closed pieces: a pyramid, and a small one beside it
 v 0 0 0
@@ -88,4 +93,9 @@ def scene_of(folder: Path, text: str) -> Scene:
 def alone(folder: Path, kind: str, *, yaw_deg: float = 20.0) -> Scene:
     """Return a scene with one object in the middle."""
     item = f"{{kind: {kind}, position_m: [0.1, -0.1], yaw_deg: {yaw_deg}}}"
-    return scene_of(folder, f"objects: [{item}]\ntake_off: {{from: [-2.5, -1.5]}}\n")
+    return scene_of(folder, f"objects: [{item}]\n{START}")
+
+
+def body_in(scene: Scene) -> FlyingBody:
+    """Return the drone's body in a scene, without images."""
+    return FlyingBody(build_model(scene, drawn=False), lag_s=0.12)

@@ -8,9 +8,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from sim_bridge.twin import TwinConfig
+from sim_bridge.twin.drone import TwinDrone
 from uav_bt.types import Command, GimbalTo, MoveBy, TakeOff
 
 
@@ -41,22 +43,15 @@ def first() -> str:
     return flight_digest(5)
 
 
-def test_another_seed_is_another_flight(first: str) -> None:
-    """The seed sets wind, noise and images."""
-    assert flight_digest(6) != first
-
-
-def test_a_flight_repeats_in_another_process(first: str) -> None:
+def test_a_flight_repeats_in_another_process_and_another_seed_is_another_flight(first: str) -> None:
     """The flight is independent of the process, of hashing and of earlier flights."""
-    code = f"from {__name__} import flight_digest; print(flight_digest(5))"
-    done = subprocess.run(  # noqa: S603  (code of this test)
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
+    code = f"from {__name__} import flight_digest; print(flight_digest(5), flight_digest(6))"
+    environment = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}
+    told = subprocess.check_output(  # noqa: S603  (code of this test)
+        [sys.executable, "-c", code], text=True, env={**os.environ, **environment}
     )
-    assert done.stdout.strip() == first
+    same, other = told.split()
+    assert same == first != other
 
 
 def test_a_flight_repeats_however_often_it_is_observed_and_whatever_flies_beside(
@@ -75,19 +70,19 @@ def test_a_flight_repeats_however_often_it_is_observed_and_whatever_flies_beside
     other.disconnect()
 
 
-def test_a_frame_drawn_ahead_is_the_one_that_would_be_drawn_on_demand() -> None:
+@pytest.mark.parametrize("late_s", [2.1, 2.37])
+def test_a_frame_drawn_ahead_is_the_one_that_would_be_drawn_on_demand(
+    make_twin: Callable[..., TwinDrone], late_s: float
+) -> None:
     """After steady observations the next frame is drawn ahead; a late observation skips it."""
-
-    def last_image(observed_s: tuple[float, ...]) -> tuple[int, bytes]:
-        drone = TwinConfig(seed=5, image_size_px=(160, 90), scene="train-c").create()
-        drone.connect()
+    frames = []
+    for observed_s in ((1.8, 1.9, 2.0, late_s), (late_s,)):
+        drone = make_twin(seed=5, profile="lab", scene="train-c")
         drone.send(Command(movement=TakeOff()))
         for time_s in observed_s:
             drone.clock.sleep_until(time_s)
             frame = drone.observe().frame
-        drone.disconnect()
         assert frame is not None
-        return frame.index, frame.image.tobytes()
-
-    assert last_image((1.8, 1.9, 2.0, 2.1)) == last_image((2.1,))
-    assert last_image((1.8, 1.9, 2.0, 2.37)) == last_image((2.37,))
+        frames.append(frame)
+    assert frames[0].index == frames[1].index
+    assert np.array_equal(frames[0].image, frames[1].image)

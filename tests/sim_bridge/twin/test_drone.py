@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import astuple, replace
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,62 +12,36 @@ import pytest
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.model import build_model
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.render import Renderer
-from tests.sim_bridge.twin.lab_world import fly
+from sim_bridge.twin.scene import Scene
+from tests.sim_bridge.twin.lab_world import fly, truth
 from uav_bt.errors import DroneError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Clock, Drone, Referee
 from uav_bt.types import (
     Command,
     CutMotors,
-    DroneState,
     FlyingState,
     GimbalTo,
     Hover,
     Land,
-    MeasurementTimes,
     MoveBy,
-    Movement,
     MovementState,
     MovementStatus,
     Release,
     TakeOff,
-    Truth,
     Velocity,
 )
 
 MakeTwin = Callable[..., TwinDrone]
-WALL = """
-helipad: {position_m: [-1.5, -1.0]}
-boxes:
-  - {pattern: 1, position_m: [2.0, 1.5], size_m: [0.4, 0.4, 1]}
-  - {pattern: 1, position_m: [0.5, -1.0], size_m: [0.4, 1.0, 2.2]}
-take_off: {from: helipad, yaw_deg: 0}
-"""
-
-
-@pytest.fixture
-def wall_scene(tmp_path: Path) -> str:
-    path = tmp_path / "wall.yaml"
-    path.write_text(WALL, encoding="utf-8")
-    return str(path)
-
-
-def truth(drone: TwinDrone) -> Truth:
-    assert drone.referee is not None
-    return drone.referee.truth()
-
-
-def status(drone: TwinDrone, movement: Movement, duration_s: float) -> MovementStatus | None:
-    return fly(drone, movement, duration_s).state.movement
-
-
-def states(drone: TwinDrone, last_s: float) -> list[tuple[float, DroneState]]:
-    """Return time and state of each control step."""
-    found = []
-    while drone.clock.now() < last_s:
-        drone.clock.sleep_until(drone.clock.now() + 0.01)
-        found.append((drone.clock.now(), drone.observe().state))
-    return found
+WALL = Scene(
+    name="wall",
+    helipad=Helipad(position_m=(-1.5, -1.0)),
+    objects=(
+        ObjectSpec(kind="box-1", position_m=(2.0, 1.5), size_m=(0.4, 0.4, 1.0)),
+        ObjectSpec(kind="box-1", position_m=(0.5, -1.0), size_m=(0.4, 1.0, 2.2)),
+    ),
+)
 
 
 def test_it_keeps_the_protocols_and_each_connection_starts_a_new_flight(
@@ -82,9 +54,8 @@ def test_it_keeps_the_protocols_and_each_connection_starts_a_new_flight(
     drone.disconnect()
     drone.disconnect()
     assert drone.referee is None
-    for use in (drone.observe, drone.clock.now, lambda: drone.send(Command(movement=Hover()))):
-        with pytest.raises(DroneError, match="connect"):
-            use()
+    with pytest.raises(DroneError, match="connect"):
+        drone.observe()
     drone.connect()
     assert drone.clock.now() == 0.0
     assert drone.observe().state.flying is FlyingState.LANDED
@@ -167,15 +138,23 @@ def test_a_movement_is_rejected_on_the_ground_and_interrupted_by_the_next_order(
     make_twin: MakeTwin,
 ) -> None:
     drone = make_twin()
-    rejected = status(drone, MoveBy(id=3, forward_m=1.0), 0.5)
-    assert rejected == MovementStatus(id=3, state=MovementState.REJECTED)
-    assert not truth(drone).motors_on
-    fly(drone, TakeOff(), 4.5)
-    fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
-    interrupted = MovementStatus(id=1, state=MovementState.INTERRUPTED)
-    assert status(drone, Hover(), 0.2) == interrupted
-    running = MovementStatus(id=2, state=MovementState.RUNNING)
-    assert status(drone, MoveBy(id=2, yaw_rad=0.3), 0.2) == running
+    flown = []
+    for move, duration_s in (
+        (MoveBy(id=3, forward_m=1.0), 0.5),
+        (TakeOff(), 4.5),
+        (MoveBy(id=1, forward_m=1.5), 0.5),
+        (Hover(), 0.2),
+        (MoveBy(id=2, yaw_rad=0.3), 0.2),
+    ):
+        state = fly(drone, move, duration_s).state
+        flown.append((state.flying.value, state.movement.id, state.movement.state.value))
+    assert flown == [
+        ("landed", 3, "rejected"),
+        ("hovering", 3, "rejected"),
+        ("flying", 1, "running"),
+        ("flying", 1, "interrupted"),
+        ("flying", 2, "running"),
+    ]
 
 
 def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwin) -> None:
@@ -238,38 +217,13 @@ def test_frames_come_late_at_the_video_rate_with_the_telemetry_of_their_capture(
         seen = drone.observe()
         assert seen.frame is not None
         assert drone.observe().frame is seen.frame
+        assert drone.clock.now() - seen.state.captured_s >= 0.06 - 1e-6
         age_s = drone.clock.now() - seen.frame.captured_s
         assert 0.15 - 1e-6 <= age_s <= 0.15 + 1 / 30 + 0.01
         assert seen.frame.index == pytest.approx(seen.frame.captured_s * 30, abs=0.35)
         if tick == 5:
             assert seen.frame.gimbal_pitch_rad > seen.state.gimbal_pitch_rad + 0.1
     assert seen.frame.height_above_ground_m < seen.state.height_above_ground_m
-
-
-@pytest.mark.parametrize(("profile", "delay_s"), [("lab", 0.06), ("harsh", 0.12)])
-def test_a_new_state_comes_five_times_a_second_and_late(
-    make_twin: MakeTwin, profile: str, delay_s: float
-) -> None:
-    flown = states(make_twin(profile=profile), 3.0)
-    arrived = [
-        (now_s, state)
-        for (_, before), (now_s, state) in pairwise(flown)
-        if state.times != before.times
-    ]
-    assert len(arrived) == pytest.approx(15, abs=1)
-    for now_s, state in arrived:
-        ages_s = [now_s - time_s for time_s in astuple(state.times)]
-        assert ages_s == pytest.approx([delay_s] * 5)
-    for name in ("attitude", "velocity", "altitude_m"):  # only a report changes them
-        assert len({getattr(state, name) for _, state in flown}) <= 16
-
-
-def test_ideal_telemetry_is_of_now_and_the_seed_sets_when_reports_come(make_twin: MakeTwin) -> None:
-    for now_s, state in states(make_twin(), 0.3):
-        assert state.times == MeasurementTimes.all_at(pytest.approx(now_s))
-    flown = [states(make_twin(profile="lab", seed=seed), 1.0) for seed in (3, 3, 4)]
-    first, same, other = ([state.captured_s for _, state in each] for each in flown)
-    assert first == same != other
 
 
 @pytest.mark.parametrize(
@@ -309,48 +263,36 @@ def test_the_clock_only_advances_and_keeps_pace_with_the_wall_in_real_time(
     make_twin: MakeTwin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In real time it waits for the rest of each step after computing."""
-    wall, slept = [100.0], []
-
-    def sleep(duration_s: float) -> None:
-        slept.append(duration_s)
-        wall[0] += duration_s
-
-    monkeypatch.setattr("time.monotonic", lambda: wall[0])
-    monkeypatch.setattr("time.sleep", sleep)
+    computed, slept = [100.0], [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: sum(computed + slept))
+    monkeypatch.setattr("time.sleep", slept.append)
     drone = make_twin(realtime=True)
     for target_s, computing_s in ((0.1, 0.04), (0.2, 1.0), (0.3, 0.0), (0.15, 0.0)):
         drone.clock.sleep_until(target_s)
-        wall[0] += computing_s
-    assert slept == pytest.approx([0.1, 0.06, 0.0, 0.0], abs=1e-9)
+        computed.append(computing_s)
+    assert slept[1:] == pytest.approx([0.1, 0.06, 0.0, 0.0], abs=1e-9)
     assert drone.clock.now() == pytest.approx(0.3)
 
 
-def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin, wall_scene: str) -> None:
-    """The second box of a pattern, 1.68 m ahead; a short contact within a tick is not missed."""
-    drone = make_twin(scene=wall_scene)
+def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin) -> None:
+    """The second box of a pattern, 1.68 m ahead."""
+    drone = make_twin(scene=WALL)
     assert truth(drone).clearance_m == pytest.approx(1.68, abs=1e-3)
     fly(drone, TakeOff(), 4.5)
     assert truth(drone).contacts == ()
-    seen: set[str] = set()
-    touched: set[str] = set()
-    nearest_m = math.inf
-    for step in range(600):
-        drone.send(Command(movement=Velocity(forward_mps=0.8 if step < 320 else -0.8)))
-        drone.clock.sleep_until(drone.clock.now() + 0.01)
-        touched |= set(drone.simulation.body.contacts())
-        if step % 10 == 0:
-            now = truth(drone)
-            seen |= set(now.contacts)
-            nearest_m = min(nearest_m, now.clearance_m)
-    assert touched == seen == {"box-1-2"}
-    assert nearest_m < 0.005
+    truths = []
+    for tick in range(60):
+        fly(drone, Velocity(forward_mps=0.8 if tick < 32 else -0.8), 0.1)
+        truths.append(truth(drone))
+    assert {name for each in truths for name in each.contacts} == {"box-1-2"}
+    assert min(each.clearance_m for each in truths) < 0.005
     assert truth(drone).contacts == ()
 
 
 def test_landing_beside_the_pad_is_measured_and_leaving_the_ground_is_seen(
-    make_twin: MakeTwin, wall_scene: str
+    make_twin: MakeTwin,
 ) -> None:
-    drone = make_twin(scene=wall_scene, airborne=True)
+    drone = make_twin(scene=WALL, airborne=True)
     fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
     assert not truth(drone).inside_ground
     fly(drone, MoveBy(id=2, forward_m=2.3), 5.0)
@@ -362,11 +304,10 @@ def test_landing_beside_the_pad_is_measured_and_leaving_the_ground_is_seen(
 
 
 def test_a_larger_ground_ends_later_and_without_boxes_the_clearance_is_infinite(
-    make_twin: MakeTwin, tmp_path: Path
+    make_twin: MakeTwin,
 ) -> None:
-    path = tmp_path / "wide.yaml"
-    path.write_text("ground: {size_m: [8, 4]}\nhelipad: {position_m: [3.2, 0]}\n", encoding="utf-8")
-    drone = make_twin(scene=str(path))
+    pad = Helipad(position_m=(3.2, 0.0))
+    drone = make_twin(scene=Scene(name="wide", ground_size_m=(8.0, 4.0), helipad=pad))
     assert truth(drone).inside_ground
     assert truth(drone).clearance_m == math.inf
     assert drone.referee is not None

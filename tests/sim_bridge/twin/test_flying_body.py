@@ -10,29 +10,21 @@ import pytest
 
 from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.flying_body import FlyingBody, Vector
-from sim_bridge.twin.model import build_model
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
-from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
+from tests.sim_bridge.twin.room_world import L_SHAPED, START, alone, body_in, scene_of, write_lab
 
-OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
 STANDING_M = 0.05
-AT_REST = TakeOffSpec(position_m=(0.0, 0.0))
-OPEN = Scene(name="open", ground_size_m=(12.0, 12.0), take_off=AT_REST)
-PAD = replace(
-    OPEN,
+OPEN = Scene(name="open", ground_size_m=(12.0, 12.0), take_off=TakeOffSpec(position_m=(0.0, 3.0)))
+PAD = Scene(
+    name="pad",
     ground_size_m=(4.0, 4.0),
     objects=(ObjectSpec(kind="box-2", position_m=(-1.0, 0.0), size_m=(0.5, 0.5, 0.5)),),
-    take_off=TakeOffSpec(),
     helipad=Helipad(position_m=(0.0, 0.0)),
 )
-
-
-def body_in(scene: Scene) -> FlyingBody:
-    return FlyingBody(build_model(scene, drawn=False), lag_s=0.12)
 
 
 def advance(body: FlyingBody, seconds: float, push_mps2: Vector | None) -> Motion:
@@ -87,7 +79,7 @@ def test_with_motors_off_it_falls_and_rests_on_what_is_below(
 @pytest.mark.parametrize("shape", ["box", "cylinder"])
 def test_a_mover_pushes_a_standing_drone_away(shape: str) -> None:
     mover = MoverSpec(path_m=((-1.0, 0.0), (3.0, 0.0)), speed_mps=1.0, shape=shape)
-    scene = replace(OPEN, movers=(mover,), take_off=replace(OPEN.take_off, position_m=(0.0, 3.0)))
+    scene = replace(OPEN, movers=(mover,))
     body, traffic = body_in(scene), Traffic(scene.movers, 0)
     body.place(0.0, 0.0, STANDING_M, 0.0)
     touched: set[str] = set()
@@ -100,30 +92,32 @@ def test_a_mover_pushes_a_standing_drone_away(shape: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "level_m"),
-    [("drum", 0.6), ("crate", 0.3), ("table", 0.78), ("rack", 1.96), ("cone", 0.3)],
+    ("kind", "at_m", "touches"),
+    [
+        ("drum", (0.1, -0.1, 0.9), True),
+        ("drum", (0.47, 0.27, 0.5), False),  # beside its round side
+        ("crate", (0.35, -0.2, 0.3), True),
+        ("rack", (0.1, -0.1, 1.96), True),
+        ("table", (0.1, -0.1, 1.0), False),  # above the top at 0.8 m
+        ("table", (0.1, -0.1, 0.8), True),  # in the top
+        ("table", (0.1, -0.1, 0.4), False),  # below it, between the legs
+        ("table", (0.53, 0.13, 0.4), True),  # in a leg, 0.05 m within the edge
+        ("cone", (-0.05, -0.1, 0.3), True),
+        ("cone", (0.3, -0.3, 0.1), True),  # the small piece beside it
+        ("cone", (0.2, 0.15, 0.6), False),  # above that piece
+    ],
 )
-def test_every_shape_of_a_lab_is_touched_by_its_name(
-    tmp_path: Path, kind: str, level_m: float
+def test_every_shape_of_a_lab_is_touched_at_its_parts_by_its_name(
+    tmp_path: Path, kind: str, at_m: Vector, *, touches: bool
 ) -> None:
-    """From above and from two sides."""
-    scene = alone(write_lab(tmp_path / "hall"), kind)
-    body = body_in(scene)
-    for place, push in (
-        ((0.1, -0.1, scene.placed[0].shape.kind.size_m[2] + 0.15), None),
-        ((-1.2, -0.1, level_m), (0.5, 0.0, 0.0)),
-        ((0.1, 1.2, level_m), (0.0, -0.5, 0.0)),
-    ):
-        body.place(*place, 0.4)
-        while not body.contacts():
-            advance(body, CONTROL_STEP_S, push)
-        assert body.contacts() == (f"{kind}-1",)
-        assert body.clearance_m() < 0.02
+    body = body_in(alone(write_lab(tmp_path / "hall"), kind, yaw_deg=0.0))
+    body.place(*at_m, 0.0)
+    assert body.contacts() == ((f"{kind}-1",) if touches else ())
+    assert (body.clearance_m() == 0.0) == touches
 
 
 def test_a_ground_with_an_outline_carries_it(tmp_path: Path) -> None:
-    folder = write_lab(tmp_path / "hall", LAB.replace("size_m: [6, 4]", OUTLINE))
-    body = body_in(scene_of(folder, "take_off: {from: [-2.0, -1.0]}\n"))
+    body = body_in(scene_of(write_lab(tmp_path / "hall", L_SHAPED), START))
     for place_m in ((-1.0, 1.0), (2.0, -1.0)):
         body.place(*place_m, 0.5, 0.3)
         assert advance(body, 1.5, None).z_m == pytest.approx(STANDING_M, abs=2e-3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import astuple, fields, replace
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState
 
 IDEAL, LAB, HARSH = (Profile.named(name) for name in ("ideal", "lab", "harsh"))
 GREY = np.full((90, 160, 3), 120, np.uint8)
-STEP_S = 0.01
+STEP_S, LANDS_AT = 0.01, 10
 
 
 def test_profiles_go_from_no_imperfection_to_the_worst() -> None:
@@ -57,13 +57,13 @@ def test_purposes_and_seeds_have_independent_random_numbers() -> None:
     assert draws[0] == draws[3]
 
 
-def heard_by_step(profile: Profile, steps: int, lands_at: int = -1) -> list[DroneState]:
+def heard_by_step(profile: Profile, steps: int, *, seed: int = 0) -> list[DroneState]:
     """Return what arrives at each step, of which the measurements have the number."""
-    downlink, states = Downlink(profile, seed=0), []
+    downlink, states = Downlink(profile, seed), []
     for step in range(steps):
         measured = DroneState(
             captured_s=step * STEP_S,
-            flying=FlyingState.LANDED if 0 <= lands_at <= step else FlyingState.HOVERING,
+            flying=FlyingState.LANDED if step >= LANDS_AT else FlyingState.HOVERING,
             attitude=Attitude(yaw_rad=step),
             velocity=BodyVelocity(forward_mps=step),
             altitude_m=step,
@@ -75,21 +75,30 @@ def heard_by_step(profile: Profile, steps: int, lands_at: int = -1) -> list[Dron
     return states
 
 
+@pytest.mark.parametrize(("profile", "delay_s"), [(LAB, 0.06), (HARSH, 0.12)])
+def test_a_new_state_comes_five_times_a_second_and_late(profile: Profile, delay_s: float) -> None:
+    """The first is known at once, a landing after the delay; the seed sets the times."""
+    states = heard_by_step(profile, 300)
+    assert set(astuple(states[0].times)) == {0.0}
+    came = [step for step in range(1, 300) if states[step].times != states[step - 1].times]
+    assert len(came) == pytest.approx(15, abs=1)
+    for step in came:
+        ages_s = [step * STEP_S - time_s for time_s in astuple(states[step].times)]
+        assert ages_s == pytest.approx([delay_s] * 5)
+    landed = [state.flying is FlyingState.LANDED for state in states]
+    assert landed.index(True) == LANDS_AT + round(delay_s / STEP_S)
+    same, other = (heard_by_step(profile, 300, seed=seed) for seed in (0, 1))
+    assert states == same != other
+
+
 def test_each_quantity_has_its_own_rate_and_delay() -> None:
     """Velocity every 0.2 s with a delay of 0.05 s, all other quantities at once."""
     last = heard_by_step(replace(IDEAL, velocity=Report(0.2, 0.05)), 101)[-1]
     assert last.attitude.yaw_rad == last.altitude_m == last.height_m == 100
     assert last.gimbal_pitch_rad == -100
-    assert last.times.attitude_s == pytest.approx(1.0)
+    assert last.times.attitude_s == last.times.height_s == pytest.approx(1.0)
     assert 0.05 - 1e-6 <= 1.0 - last.times.velocity_s < 0.25
     assert last.velocity.forward_mps == pytest.approx(last.times.velocity_s / STEP_S)
-
-
-def test_everything_is_known_at_the_first_step_and_a_change_after_its_delay() -> None:
-    states = heard_by_step(LAB, 20, lands_at=10)
-    assert set(vars(states[0].times).values()) == {0.0}
-    landed = [state.flying is FlyingState.LANDED for state in states]
-    assert landed == [step >= 10 + 6 for step in range(20)]
 
 
 def test_an_ideal_camera_changes_nothing() -> None:

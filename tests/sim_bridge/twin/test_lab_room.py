@@ -10,11 +10,9 @@ import pytest
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.flying_body import FlyingBody
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.scene import Scene
-from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
+from tests.sim_bridge.twin.room_world import LAB, START, alone, body_in, scene_of, write_lab
 from tests.worlds import values
 from uav_bt.errors import FileError, SceneError
 from uav_bt.mission.covered_ground import CoveredGround, GroundCells
@@ -26,62 +24,31 @@ def folder(tmp_path: Path) -> Path:
     return write_lab(tmp_path / "hall")
 
 
-def touched(scene: Scene, x_m: float, y_m: float, z_m: float) -> tuple[str, ...]:
-    body = FlyingBody(build_model(scene, drawn=False), lag_s=0.1)
-    body.place(x_m, y_m, z_m, 0.0)
-    return body.contacts()
-
-
-@pytest.mark.parametrize(
-    ("kind", "at_m", "contacts"),
-    [
-        ("table", (0.1, -0.1, 1.0), ()),  # above the top at 0.8 m
-        ("table", (0.1, -0.1, 0.8), ("table-1",)),  # in the top
-        ("table", (0.1, -0.1, 0.4), ()),  # below it, between the legs
-        ("table", (0.53, 0.13, 0.4), ("table-1",)),  # in a leg, 0.05 m within the edge
-        ("cone", (-0.05, -0.1, 0.3), ("cone-1",)),
-        ("cone", (0.3, -0.3, 0.1), ("cone-1",)),  # the small piece beside it
-        ("cone", (0.2, 0.15, 0.6), ()),  # above that piece
-    ],
-)
-def test_shapes_are_touched_at_their_parts(
-    folder: Path, kind: str, at_m: tuple[float, float, float], contacts: tuple[str, ...]
-) -> None:
-    assert touched(alone(folder, kind, yaw_deg=0.0), *at_m) == contacts
-
-
 def test_a_picture_that_is_cut_off_is_refused_when_it_is_drawn(folder: Path) -> None:
     (folder / "wood.png").write_bytes((folder / "wood.png").read_bytes()[:40])
     with pytest.raises(FileError, match=r"wood.png: is a damaged picture"):
         build_model(alone(folder, "crate"))
 
 
-# --- ground computations --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("at_m", "below_m", "surface_m"),
     [((0.1, 0.3), 1.5, 0.8), ((0.1, 0.3), 0.4, 0.0), ((0.5, -0.1), 1.5, 0.0)],
 )
-@pytest.mark.parametrize("moving", [False, True])
 def test_the_surface_below_a_body_is_a_top_or_the_ground_below_it(
-    folder: Path, at_m: tuple[float, float], below_m: float, surface_m: float, *, moving: bool
+    folder: Path, at_m: tuple[float, float], below_m: float, surface_m: float
 ) -> None:
     """A table that moves counts by its parts, as one that stands."""
-    if not moving:
-        scene, states = alone(folder, "table", yaw_deg=90.0), ()
-    else:
-        path = "path_m: [[1.0, -1.0], [0.1, -1.0]], speed_mps: 0.4, yaw_deg: 90"
-        text = f"movers: [{{kind: table, {path}}}]\ntake_off: {{from: [-2.5, -1.5]}}\n"
-        scene, pose = scene_of(folder, text), Pose(x_m=0.1, y_m=-0.1, z_m=0.4, yaw_rad=math.pi / 2)
-        states = (MoverState(name="mover-1", pose=pose, vx_mps=0.0, vy_mps=0.0),)
-    assert scene.surface_m(*at_m, below_m, states) == pytest.approx(surface_m)
+    standing = alone(folder, "table", yaw_deg=90.0)
+    assert standing.surface_m(*at_m, below_m) == pytest.approx(surface_m)
+    path = "path_m: [[1.0, -1.0], [0.1, -1.0]], speed_mps: 0.4, yaw_deg: 90"
+    moving = scene_of(folder, f"movers: [{{kind: table, {path}}}]\n{START}")
+    pose = Pose(x_m=0.1, y_m=-0.1, z_m=0.4, yaw_rad=math.pi / 2)
+    state = MoverState(name="mover-1", pose=pose, vx_mps=0.0, vy_mps=0.0)
+    assert moving.surface_m(*at_m, below_m, [state]) == pytest.approx(surface_m)
 
 
 def test_the_ground_below_a_table_is_free_but_hidden_from_above(folder: Path) -> None:
-    item = "{kind: table, position_m: [0, 0]}"
-    scene = scene_of(folder, f"objects: [{item}]\ntake_off: {{from: [-2.5, -1.5]}}\n")
-    plan = scene.ground_plan
+    plan = scene_of(folder, f"objects: [{{kind: table, position_m: [0, 0]}}]\n{START}").ground_plan
     cells = GroundCells(plan)
     assert int((~cells.free).sum()) == 4, "one cell below each leg"
     covered = CoveredGround(plan, anafi_camera(640, 360))
@@ -107,24 +74,20 @@ def test_an_object_beyond_the_inner_corner_of_a_polygon_stands_outside(
     tmp_path: Path, step: int
 ) -> None:
     """The corners may be stated either way round."""
-    outline = [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]][::step]
-    text = LAB.replace("size_m: [6, 4], surface", f"outline_m: {outline}, surface")
-    folder = write_lab(tmp_path / "corner", text)
-    start = "take_off: {from: [-2.5, -1.5]}\n"
-    scene = scene_of(folder, f"objects: [{{kind: table, position_m: [-0.6, 0.5]}}]\n{start}")
-    assert touched(scene, -0.2, 1.2, 1.0) == ()
-    assert touched(scene, 0.0, 1.2, 1.0) != ()
+    outline = str([[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]][::step])
+    folder = write_lab(tmp_path / "corner", LAB.replace("size_m: [6, 4]", f"outline_m: {outline}"))
+    text = "objects: [{kind: table, position_m: [-0.6, 0.5]}]\n"
+    body = body_in(scene_of(folder, text + START))
+    for x_m, contacts in ((-0.2, ()), (0.0, ("wall-4",))):
+        body.place(x_m, 1.2, 1.0, 0.0)
+        assert body.contacts() == contacts
     for place in ("[-0.3, 0.2]", "[1, 1]"):  # over the corner, and beyond it
         with pytest.raises(SceneError, match="outside the ground"):
-            scene_of(folder, f"objects: [{{kind: table, position_m: {place}}}]\n{start}")
-
-
-# --- images ---------------------------------------------------------------------------------------
+            scene_of(folder, text.replace("[-0.6, 0.5]", place) + START)
 
 
 def test_the_ground_is_brighter_below_a_lamp(folder: Path) -> None:
-    scene = scene_of(folder, "take_off: {from: [-2.5, -1.5]}\n")
-    means = []
+    scene, means = scene_of(folder, START), []
     with Renderer(build_model(scene)) as renderer:
         for x_m in (-2.0, 2.0):
             pose = CameraPose(x_m=x_m, y_m=0.0, z_m=1.0, yaw_rad=0.0, pitch_rad=-math.pi / 2)

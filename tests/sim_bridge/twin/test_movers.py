@@ -5,20 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.routes import Traffic
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from tests.paper_lab import BOXES
-from tests.sim_bridge.twin.lab_world import fly
-from uav_bt.types import Hover, MoverState, Truth, Velocity
+from tests.sim_bridge.twin.lab_world import fly, truth
+from uav_bt.types import Hover, MoverState, Velocity
 
+MakeTwin = Callable[..., TwinDrone]
 WALK = MoverSpec(path_m=((0.0, -1.0), (0.0, 1.0)), speed_mps=0.5)
 ROUND = MoverSpec(path_m=((0.0, 0.0), (2.0, 0.0), (2.0, 1.0)), speed_mps=1.0, loop=True)
+ABREAST = ((1.0, -1.5), (1.0, 1.5))
 ROOT = math.sqrt(5.0)
 
 
@@ -69,69 +73,45 @@ def test_pauses_come_from_the_seed_and_last_as_long_as_the_file_says() -> None:
 
 # --- in the simulation ----------------------------------------------------------------------------
 
-MEETING = """
-helipad: {position_m: [-1.5, -1.5]}
-movers:
-  - {path_m: [[1.0, -1.5], [1.0, 1.5]], speed_mps: 0.5, pattern: 3}
-take_off: {from: [-1.0, 0.0], yaw_deg: 0}
-"""
+
+def meeting(*path_m: tuple[float, float], **options: Any) -> Scene:
+    """Return a scene in which a drone meets a mover on a path."""
+    mover = MoverSpec(**{"path_m": path_m, "speed_mps": 0.5, "pattern": 3} | options)
+    pad, start = Helipad(position_m=(-1.5, -1.5)), TakeOffSpec(position_m=(-1.0, 0.0))
+    return Scene(name="meeting", helipad=pad, movers=(mover,), take_off=start)
 
 
-@pytest.fixture
-def meeting(make_twin: Callable[..., TwinDrone], tmp_path: Path) -> Callable[..., TwinDrone]:
-    """Return a maker of a drone that meets a mover on a path."""
-
-    def make(path: str = "path_m: [[1.0, -1.5], [1.0, 1.5]]", **options: object) -> TwinDrone:
-        file = tmp_path / "meeting.yaml"
-        file.write_text(MEETING.replace("path_m: [[1.0, -1.5], [1.0, 1.5]]", path))
-        return make_twin(scene=str(file), **options)
-
-    return make
-
-
-def truth_of(drone: TwinDrone) -> Truth:
-    assert drone.referee is not None
-    return drone.referee.truth()
-
-
-def test_the_truth_has_the_movers_and_they_count_for_the_clearance(
-    meeting: Callable[..., TwinDrone],
-) -> None:
-    drone = meeting()
+def test_the_truth_has_the_movers_and_they_count_for_the_clearance(make_twin: MakeTwin) -> None:
+    drone = make_twin(scene=meeting(*ABREAST))
     drone.clock.sleep_until(2.0)
-    (mover,) = truth_of(drone).movers
+    (mover,) = truth(drone).movers
     assert (mover.pose.x_m, mover.pose.y_m) == pytest.approx((1.0, -0.5))
     assert (mover.vx_mps, mover.vy_mps) == pytest.approx((0.0, 0.5))
     drone.clock.sleep_until(3.0)
     gap_m = 2.0 - 0.2 - 0.12  # abreast: from the mover's side to the front of the hull
-    assert truth_of(drone).clearance_m == pytest.approx(gap_m, abs=0.002)
+    assert truth(drone).clearance_m == pytest.approx(gap_m, abs=0.002)
 
 
 @pytest.mark.parametrize(
-    ("path", "until_m"),
-    [
-        ("path_m: [[1.0, -1.5], [1.0, 1.5]]", 0.9),
-        ("path_m: [[1.0, 1.0], [-0.5, 1.0], [-0.5, -0.6]]", -0.55),
-    ],
+    ("path_m", "until_m"),
+    [(ABREAST, 0.9), (((1.0, 1.0), (-0.5, 1.0), (-0.5, -0.6)), -0.55)],
     ids=["the drone flies into it", "it drives into the drone"],
 )
 def test_a_contact_has_the_name_of_the_mover_whichever_moved(
-    meeting: Callable[..., TwinDrone], path: str, until_m: float
+    make_twin: MakeTwin, path_m: tuple[tuple[float, float], ...], until_m: float
 ) -> None:
-    drone = meeting(path, airborne=True)
+    drone = make_twin(scene=meeting(*path_m), airborne=True)
     touched: set[str] = set()
     for _ in range(160):
         forward = Velocity(forward_mps=0.4)
-        fly(drone, forward if truth_of(drone).pose.x_m < until_m else Hover(), 0.1)
-        touched |= set(truth_of(drone).contacts)
+        fly(drone, forward if truth(drone).pose.x_m < until_m else Hover(), 0.1)
+        touched |= set(truth(drone).contacts)
     assert touched == {"mover-1"}
 
 
-def test_an_image_shows_movers_where_they_were_when_it_was_taken(
-    meeting: Callable[..., TwinDrone],
-) -> None:
+def test_an_image_shows_movers_where_they_were_when_it_was_taken(make_twin: MakeTwin) -> None:
     """The frame is delivered late, and its masks and depth are requested even later."""
-    drone = meeting("path_m: [[1.0, 0.0], [2.0, 0.0]]", image_size_px=(320, 180))
+    drone = make_twin(scene=meeting((1.0, 0.0), (2.0, 0.0)), image_size_px=(320, 180))
     drone.clock.sleep_until(1.0)
     frame = drone.observe().frame
     drone.clock.sleep_until(3.0)
@@ -141,13 +121,11 @@ def test_an_image_shows_movers_where_they_were_when_it_was_taken(
     assert depth[90, 160] == pytest.approx(1.0 + gone_m - 0.2 - lens_x_m, abs=0.003)
 
 
-def test_the_height_above_what_lies_below_counts_a_cart(
-    meeting: Callable[..., TwinDrone],
-) -> None:
-    cart = "shape: box, size_m: [0.6, 0.6, 0.5], path_m: [[0.8, 0.0], [1.0, 0.0]]"
-    drone = meeting(cart, airborne=True)
+def test_the_height_above_what_lies_below_counts_a_cart(make_twin: MakeTwin) -> None:
+    cart = meeting((0.8, 0.0), (1.0, 0.0), shape="box", size_m=(0.6, 0.6, 0.5))
+    drone = make_twin(scene=cart, airborne=True)
     fly(drone, Velocity(forward_mps=0.4), 5.0)
-    state, truth = drone.observe().state, truth_of(drone)
-    (mover,) = truth.movers
-    assert abs(truth.pose.x_m - mover.pose.x_m) < 0.3, "the drone is above the cart"
+    state, end = drone.observe().state, truth(drone)
+    (mover,) = end.movers
+    assert abs(end.pose.x_m - mover.pose.x_m) < 0.3, "the drone is above the cart"
     assert state.height_above_ground_m - state.height_m == pytest.approx(0.5, abs=0.05)

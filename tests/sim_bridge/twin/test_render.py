@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sim_bridge.anafi import anafi_camera
-from sim_bridge.twin import textures
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.render import Renderer
@@ -20,24 +19,21 @@ from uav_bt.errors import ValueRangeError
 SIZE = (640, 360)
 
 
-def pose(x: float, y: float, z: float, yaw_deg: float, pitch_deg: float) -> CameraPose:
-    return CameraPose(
-        x_m=x,
-        y_m=y,
-        z_m=z,
-        yaw_rad=math.radians(yaw_deg),
-        pitch_rad=math.radians(pitch_deg),
-    )
+def pose(x_m: float, y_m: float, z_m: float, yaw_deg: float, pitch_deg: float) -> CameraPose:
+    yaw_rad, pitch_rad = math.radians(yaw_deg), math.radians(pitch_deg)
+    return CameraPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad, pitch_rad=pitch_rad)
+
+
+def bare(mark: Helipad) -> Renderer:
+    return Renderer(build_model(Scene(name="bare", helipad=mark)))
 
 
 @pytest.mark.parametrize("size", [(640, 360), (320, 180), (224, 112), (320, 256)])
 def test_ground_corners_appear_where_the_camera_model_projects_them(size: tuple[int, int]) -> None:
     """The corners are within a pixel of their projections, at resized sizes, too."""
-    scene = Scene(name="bare", helipad=Helipad(position_m=(0.0, 0.0), size_m=(0.1, 0.1, 0.05)))
     camera = anafi_camera(640, 360).resized(*size)
-    place = pose(0.0, 0.0, 4.0, 0.0, -90.0)
-    with Renderer(build_model(scene)) as renderer:
-        ids = renderer.class_ids(place, *size)
+    with bare(Helipad(position_m=(0.0, 0.0), size_m=(0.1, 0.1, 0.05))) as renderer:
+        ids = renderer.class_ids(pose(0.0, 0.0, 4.0, 0.0, -90.0), *size)
     rows, columns = np.nonzero(ids == 1)
     # Looking straight down with the heading along x, the image's right is -y and its top +x.
     right = camera.cx_px + camera.fx_px * CARPET_SIZE_M[1] / 2 / 4.0
@@ -46,32 +42,18 @@ def test_ground_corners_appear_where_the_camera_model_projects_them(size: tuple[
     assert (rows.min(), rows.max()) == (0, size[1] - 1)
 
 
-def test_a_larger_ground_is_the_same_weave_at_the_same_scale() -> None:
-    """The number of motifs per metre and the similarity of neighbouring pixels are the same."""
-    paper, hall = (textures.carpet(size) for size in ((5.0, 4.0), (10.0, 10.0)))
-    assert (paper.shape, hall.shape) == ((1024, 1280, 3), (2560, 2560, 3))
-    for shift in (1, 8, 64):
-        alike = [
-            np.corrcoef(image[:, shift:, 0].ravel(), image[:, :-shift, 0].ravel())[0, 1]
-            for image in (paper, hall)
-        ]
-        assert alike[0] == pytest.approx(alike[1], abs=0.06)
-
-
 def test_the_letter_on_the_pad_is_upright_and_not_mirrored() -> None:
     """From above, facing the pad's +x, the legs of the H are vertical in the image."""
-    scene = Scene(name="bare", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=90.0))
-    with Renderer(build_model(scene)) as renderer:
-        image = renderer.rgb(pose(0.0, 0.0, 1.4, 180.0, -90.0), *SIZE)
-        ids = renderer.class_ids(pose(0.0, 0.0, 1.4, 180.0, -90.0), *SIZE)
-    panel = image[..., 0] > 150
+    place = pose(0.0, 0.0, 1.4, 180.0, -90.0)
+    with bare(Helipad(position_m=(0.0, 0.0), yaw_deg=90.0)) as renderer:
+        panel = renderer.rgb(place, *SIZE)[..., 0] > 150
+        ids = renderer.class_ids(place, *SIZE)
     assert set(np.unique(ids)) >= {1, 2, 3}
     rows, columns = np.nonzero(ids == 2)
-    middle = (rows.min() + rows.max()) // 2, (columns.min() + columns.max()) // 2
-    width = columns.max() - columns.min()
-    assert panel[middle], "the bar of the H crosses the middle"
-    assert not panel[middle[0] - width // 6, middle[1]], "above the bar the panel is dark"
-    assert not panel[middle[0] + width // 6, middle[1]]
+    row, column = (rows.min() + rows.max()) // 2, (columns.min() + columns.max()) // 2
+    above = (columns.max() - columns.min()) // 6
+    bar = [panel[row + step, column] for step in (-above, 0, above)]
+    assert bar == [False, True, False], "the bar of the H crosses the middle only"
 
 
 def test_a_renderer_gives_the_same_picture_whatever_it_drew_between_until_it_is_closed() -> None:
@@ -88,9 +70,6 @@ def test_a_renderer_gives_the_same_picture_whatever_it_drew_between_until_it_is_
         renderer.rgb(place, 64, 36)
 
 
-def test_the_view_is_that_of_the_anafi_and_the_video_sixteen_to_nine() -> None:
+def test_the_view_is_that_of_the_anafi() -> None:
     camera = anafi_camera(1280, 720)
     assert 2 * math.degrees(math.atan(640 / camera.fx_px)) == pytest.approx(69.0, abs=0.1)
-    for size in ((640, 480), (100, 100), (8, 4)):
-        with pytest.raises(ValueRangeError, match="640x360"):
-            anafi_camera(*size)

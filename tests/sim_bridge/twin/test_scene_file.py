@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import pytest
 
-from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
+from sim_bridge.twin.objects import ObjectSpec, object_names
+from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import start_pose
 from tests.paper_lab import BOXES
 from tests.sim_bridge.twin.room_world import write_lab
 from tests.worlds.tables import cases
 from uav_bt.errors import SceneError, UnknownNameError
-from uav_bt.types.ground import Footprint
 
 PAPER = """\
 name: mine
@@ -91,30 +90,13 @@ def test_a_scene_is_written_and_read_again(folder: Path, tmp_path: Path, name: s
     assert load_scene(again) == scene
 
 
-def gap_m(a: Footprint, b: Footprint) -> float:
-    """Return the distance of two rectangles, which is at a corner of one of them."""
-    return min(one.distance_m(*at) for one, other in ((a, b), (b, a)) for at in other.corners())
-
-
-@pytest.mark.parametrize("name", [name for name in scene_names() if "depot" not in name])
-def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
-    """Eight boxes, tall ones with gaps to pass, and free space around the pad."""
-    scene = load_scene(name)
-    assert sorted(item.name for item in scene.placed) == [f"box-{k}" for k in range(1, 9)]
-    outlines = [item.footprint for item in scene.placed if item.standing.height_m >= 1.3]
-    assert all(gap_m(a, b) >= 0.9 for a, b in itertools.combinations(outlines, 2))
-    assert all(gap_m(item.footprint, scene.helipad.footprint) >= 0.7 for item in scene.placed)
-    x, y = scene.helipad.position_m
-    assert (abs(x) <= 2.5 - 0.6, abs(y) <= 2.0 - 0.6) == (True, True)
-    classes = [each.class_id for each in scene.ground_plan.standing]
-    assert classes == [*(BOXES[int(item.name[-1]) - 1] for item in scene.placed), None]
-
-
 def test_boxes_and_take_off_are_those_of_the_file(folder: Path) -> None:
     scene = load_scene(file_of(folder, "paper", PAPER))
     first, second = scene.placed
     assert (scene.name, first.spec.position_m, first.spec.yaw_deg) == ("mine", (0.4, 0.9), 20.0)
-    assert second.shape.top_class == load_scene("train-a").classes.id_of("roof_2")
+    assert second.shape.top_class == scene.classes.id_of("roof_2")
+    classes = [each.class_id for each in scene.ground_plan.standing]
+    assert classes == [*BOXES[:2], None]
     assert (scene.take_off.yaw_deg, scene.take_off.random) == (30.0, False)
     assert [scene.surface_m(*at) for at in ((1.4, 0.9), (-1.9, -1.4), (0, 0))] == [0.8, 0.4, 0.0]
     random = load_scene(file_of(folder, "paper", PAPER.replace("helipad, yaw_deg: 30", "random")))
@@ -145,29 +127,31 @@ def test_movers_have_the_size_of_the_file_or_of_their_kind(folder: Path) -> None
     assert (cone.shape, cone.size_m) == ("box", (0.6, 0.5, 0.7))
 
 
-def test_an_object_may_state_its_own_size(folder: Path) -> None:
-    text = LAB.replace("kind: table,", "kind: table, size_m: [0.8, 0.5, 1.0],")
-    table = load_scene(file_of(folder, "lab", text)).placed[2].standing
-    assert (table.height_m, 2 * table.footprint.half_x_m, len(table.parts)) == (1.0, 0.8, 5)
-    text = LAB.replace("kind: table,", "kind: cone, size_m: [0.3, 0.3, 1.4],")
-    cone = load_scene(file_of(folder, "lab", text)).placed[2].shape
-    assert cone.mesh.max(axis=(0, 1)) == pytest.approx((0.15, 0.15, 1.4))
+@pytest.mark.parametrize(
+    ("kind", "parts", "size_m"), [("table", 5, (0.8, 0.5, 1.0)), ("cone", 2, (0.3, 0.3, 1.4))]
+)
+def test_an_object_may_state_its_own_size(
+    folder: Path, kind: str, parts: int, size_m: tuple[float, float, float]
+) -> None:
+    text = LAB.replace("kind: table,", f"kind: {kind}, size_m: {list(size_m)},")
+    standing = load_scene(file_of(folder, "lab", text)).placed[2].standing
+    outline = standing.footprint
+    assert (2 * outline.half_x_m, 2 * outline.half_y_m) == pytest.approx(size_m[:2])
+    assert standing.height_m == max(part.top_m for part in standing.parts) == size_m[2]
+    assert len(standing.parts) == parts
 
 
-def row(count: int) -> str:
-    lines = (
-        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.15 * k - 5:.2f}, 1], size_m: [0.1, 0.2, 1]}}"
-        for k in range(count)
-    )
-    return "ground: {size_m: [12, 4]}\nhelipad: {position_m: [0, -1]}\nboxes:\n" + "\n".join(lines)
-
-
-def test_a_number_distinguishes_boxes_of_one_pattern(folder: Path) -> None:
-    names = [item.name for item in load_scene(file_of(folder, "many", row(17))).placed]
-    assert names[:9] == [*(f"box-{k}" for k in range(1, 9)), "box-1-2"]
+def test_a_number_distinguishes_boxes_of_one_pattern() -> None:
+    boxes = [ObjectSpec(kind=f"box-{k % 8 + 1}", position_m=(0.0, 0.0)) for k in range(17)]
+    names = object_names(boxes)
+    assert names[:9] == (*(f"box-{k}" for k in range(1, 9)), "box-1-2")
     assert (names[16], len(set(names))) == ("box-1-3", 17)
+
+
+def test_more_than_two_hundred_boxes_are_refused(folder: Path) -> None:
+    box = PAPER.splitlines(keepends=True)[3]
     with pytest.raises(SceneError, match=r"boxes: expected a list of at most 200, got a list"):
-        load_scene(file_of(folder, "many", row(201)))
+        load_scene(file_of(folder, "many", PAPER.replace(box, 200 * box)))
 
 
 @pytest.mark.parametrize(("size_m", "room_m"), [((5, 4), (10, 10, 5)), ((12, 6), (17, 11, 5))])

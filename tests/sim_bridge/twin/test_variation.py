@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -9,8 +10,6 @@ import numpy as np
 import pytest
 
 from sim_bridge.twin import variation
-from sim_bridge.twin.flying_body import FlyingBody
-from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
@@ -28,35 +27,39 @@ def drawn(scene: Scene, seed: int, *, layout: bool = True) -> Scene:
     return varied_scene(scene, np.random.default_rng(seed), name="drawn", layout=layout)
 
 
+def full_of(wide_m: float, deep_m: float) -> Scene:
+    """Return a scene with a grid of eight boxes."""
+    boxes = tuple(
+        ObjectSpec(kind="box-1", position_m=(1.25 * k - 1.875, y), size_m=(wide_m, deep_m, 2.3))
+        for k in range(4)
+        for y in (-1.0, 1.0)
+    )
+    return Scene(name="full", objects=boxes, take_off=TakeOffSpec(random=True))
+
+
 @pytest.mark.parametrize("take_off_m", [None, (-1.5, 1.5)])
 @pytest.mark.parametrize("pad_m", [(0.5, 0.5, 0.4), (1.6, 1.6, 0.0)])
 def test_drawn_boxes_are_apart_from_each_other_and_from_mark_and_take_off(
     take_off_m: tuple[float, float] | None, pad_m: tuple[float, float, float]
 ) -> None:
     """They do not stand on a large mat, either: else the scene would be refused."""
-    original = replace(
-        SCENE,
-        objects=SCENE.objects[::2],
-        helipad=replace(SCENE.helipad, size_m=pad_m),
-        take_off=TakeOffSpec(position_m=take_off_m),
-    )
+    pad, start = replace(SCENE.helipad, size_m=pad_m), TakeOffSpec(position_m=take_off_m)
+    original = replace(SCENE, objects=SCENE.objects[::2], helipad=pad, take_off=start)
     for seed in range(6):
-        scene = drawn(original, seed)
-        assert [each.kind for each in scene.objects] == [each.kind for each in original.objects]
-        places = [scene.helipad.position_m, scene.start_m]
-        for spec in scene.objects:
-            assert all(math.dist(spec.position_m, at) >= 0.95 for at in places[:2])
-            assert all(math.dist(spec.position_m, at) >= 1.05 for at in places[2:])
-            assert 0.6 <= spec.size_m[2] <= 2.2
-            places.append(spec.position_m)
+        objects = drawn(original, seed).objects
+        assert [each.kind for each in objects] == [each.kind for each in original.objects]
+        assert all(0.6 <= each.size_m[2] <= 2.2 for each in objects)
+        for a, b in itertools.combinations(objects, 2):
+            assert math.dist(a.position_m, b.position_m) >= 1.05
+        for each, at_m in itertools.product(objects, (pad.position_m, original.start_m)):
+            assert math.dist(each.position_m, at_m) >= 0.95
 
 
-@pytest.mark.parametrize("scene", [SCENE, MOVING, DEPOT, load_scene("depot-train-b")])
+@pytest.mark.parametrize("scene", [SCENE, MOVING, DEPOT])
 def test_a_scene_is_varied_by_its_seed(scene: Scene) -> None:
     """Objects keep off the paths of movers: else the scene would be refused."""
-    found = varied(scene, 3, room=True, movers=2)
-    assert found == varied(scene, 3, room=True, movers=2)
-    assert found != varied(scene, 4, room=True, movers=2)
+    found, same, other = (varied(scene, seed, room=True, movers=2) for seed in (3, 3, 4))
+    assert found == same != other
     assert [each.kind for each in found.objects] == [each.kind for each in scene.objects]
     assert (found.objects != scene.objects, found.lighting != scene.lighting) == (True, True)
     assert (found.movers[:-2], len(found.movers)) == (scene.movers, len(scene.movers) + 2)
@@ -89,17 +92,11 @@ def test_drawn_movers_leave_the_mark_alone(seed: int) -> None:
         assert math.dist(*mover.path_m) >= 1.0
 
 
-def test_too_many_movers_are_refused() -> None:
+def test_movers_without_room_are_refused() -> None:
     with pytest.raises(ValueRangeError, match=r"takes at most 8 more, got 9"):
         with_movers(SCENE, 9, 0)
-    packed = tuple(
-        ObjectSpec(kind="box-1", position_m=(x - 2.0, y - 1.5), size_m=(0.3, 0.3, 2.0))
-        for x in range(5)
-        for y in range(4)
-    )
-    full = replace(SCENE, helipad=None, objects=packed, take_off=TakeOffSpec(position_m=(0.5, 0.0)))
     with pytest.raises(ValueRangeError, match="no room for 2 more movers"):
-        with_movers(full, 2, 0)
+        with_movers(full_of(0.95, 0.9), 2, 0)
 
 
 def test_a_drawn_layout_uses_the_whole_ground() -> None:
@@ -108,9 +105,6 @@ def test_a_drawn_layout_uses_the_whole_ground() -> None:
     starts = [start_pose(scene, seed) for seed in range(30)]
     for places in ([each.position_m for each in scene.objects], [(p.x_m, p.y_m) for p in starts]):
         assert np.abs(places).max(axis=0).min() > 3.0
-
-
-# --- take-off poses and views ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -122,41 +116,26 @@ def test_the_body_stands_on_the_landing_mark_or_at_a_place(
     """Its centre is 5 cm above the mark, which is 0.4 m high, or above the ground."""
     spec = TakeOffSpec(position_m=take_off_m, yaw_deg=90.0)
     pose = start_pose(Scene(name="x", helipad=Helipad(position_m=(-1, 1)), take_off=spec), 0)
-    found = (pose.x_m, pose.y_m, pose.z_m, pose.yaw_rad)
-    assert found == pytest.approx((*start_m, math.pi / 2))
+    assert (pose.x_m, pose.y_m, pose.z_m) == pytest.approx(start_m)
+    assert pose.yaw_rad == pytest.approx(math.pi / 2)
 
 
 @pytest.mark.parametrize("scene", [SCENE, DEPOT, MOVING])
 def test_random_starts_are_on_free_ground_and_follow_the_seed(scene: Scene) -> None:
     """Starts are away from objects, mark, paths and edge."""
     scene = replace(scene, take_off=TakeOffSpec(random=True))
-    places = [start_pose(scene, seed) for seed in range(20)]
-    assert start_pose(scene, 7) == places[7]
-    assert len({pose.x_m for pose in places}) == 20
-    half_x, half_y = (side / 2 - 0.5 for side in scene.ground.size_m)
-    for pose in places:
-        assert (abs(pose.x_m) <= half_x, abs(pose.y_m) <= half_y) == (True, True)
-        away = [*(each.footprint for each in scene.ground_plan.standing), *scene.movers]
+    starts = [start_pose(scene, seed) for seed in range(20)]
+    assert start_pose(scene, 7) == starts[7]
+    assert len({pose.x_m for pose in starts}) == 20
+    away = [*(each.footprint for each in scene.ground_plan.standing), *scene.movers]
+    for pose in starts:
+        assert scene.ground.margin_m(pose.x_m, pose.y_m) >= 0.5
         assert min(each.distance_m(pose.x_m, pose.y_m) for each in away) >= 0.5
 
 
 def test_a_ground_without_room_has_no_random_start_and_no_views() -> None:
     """The error names the scene and a remedy."""
-    boxes = tuple(
-        ObjectSpec(kind=f"box-{k + 1}", position_m=(1.25 * k - 1.875, y), size_m=(1.2, 1.9, 2.3))
-        for k in range(4)
-        for y in (-1.0, 1.0)
-    )
-    scene = Scene(name="full", objects=boxes, take_off=TakeOffSpec(random=True))
     with pytest.raises(ValueRangeError, match=r"'full'.*remove or move"):
-        start_pose(scene, 0)
+        start_pose(full_of(1.2, 1.9), 0)
     with pytest.raises(ValueRangeError, match=r"'full'.*no room"):
-        sample_flight_poses(scene, np.random.default_rng(0), 9)
-
-
-def test_views_of_a_lab_touch_nothing() -> None:
-    lab = build_model(DEPOT, drawn=False)
-    for pose in sample_flight_poses(DEPOT, np.random.default_rng(0), 14):
-        body = FlyingBody(lab, lag_s=0.1)
-        body.place(pose.x_m, pose.y_m, pose.z_m, pose.yaw_rad)
-        assert body.contacts() == ()
+        sample_flight_poses(full_of(1.2, 1.9), np.random.default_rng(0), 9)
