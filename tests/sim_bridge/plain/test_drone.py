@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,35 +11,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain import PlainConfig
-from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.drone import PlainDrone
-from sim_bridge.plain.sight import MOTION_STD, SIZE_PX, see_mark
-from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import Helipad, ObjectSpec
-from sim_bridge.twin.scene import Scene
+from sim_bridge.plain.sight import MOTION_STD, SIZE_PX
 from sim_bridge.twin.scene_file import load_scene
-from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET
-from tests.worlds import values
 from uav_bt import app
 from uav_bt.app.replay import replay
 from uav_bt.errors import FileError, InputError
-from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.mission.judge import JudgeConfig
-from uav_bt.plugins import make_mark_finder
-from uav_bt.protocols import Drone, Imageless, Sight
+from uav_bt.protocols import Drone, Imageless, Referee, Sight
 from uav_bt.types import Command, Frame, GimbalTo, MoveBy, TakeOff
 
 pytestmark = pytest.mark.flight
-Flown = tuple[PlainDrone, list[Frame]]
+Flown = tuple[PlainDrone, list[Frame], Sight, Referee]
 
 
 @pytest.fixture(scope="module")
 def flown() -> Iterator[Flown]:
     """Yield a drone and the frames of a flight: take off, look down, fly a turn."""
     drone = PlainConfig(scene="val-a", seed=2, profile="ideal").create()
+    assert isinstance(drone, Drone)
+    assert isinstance(drone, Imageless)
     drone.connect()
     frames = []
     for tick in range(90):
@@ -49,20 +41,10 @@ def flown() -> Iterator[Flown]:
         movement = TakeOff() if tick < 45 else MoveBy(id=1, forward_m=1.0, yaw_rad=0.8)
         drone.send(Command(movement=movement, gimbal=GimbalTo(pitch_rad=-0.6)))
         drone.clock.sleep_until(0.1 * (tick + 1))
-    yield drone, frames
-    drone.disconnect()
-
-
-def sight_of(drone: PlainDrone) -> Sight:
-    assert drone.sight is not None
-    return drone.sight
-
-
-def test_it_keeps_the_protocols(flown: Flown) -> None:
-    drone, _ = flown
-    assert isinstance(drone, Drone)
-    assert isinstance(drone, Imageless)
     assert isinstance(drone.sight, Sight)
+    assert isinstance(drone.referee, Referee)
+    yield drone, frames, drone.sight, drone.referee
+    drone.disconnect()
 
 
 def report(tree: str, seed: int = 3, **options: Any) -> dict[str, Any]:
@@ -95,19 +77,16 @@ def test_a_lab_with_other_names_and_ids_of_classes_gives_the_same_flight() -> No
 
 
 def test_class_maps_differ_from_the_exact_ones_on_borders_only(flown: Flown) -> None:
-    drone, frames = flown
-    assert drone.referee is not None
-    ids = sight_of(drone).segment(frames[60]).ids
-    exact = drone.referee.class_ids(frames[60], *ids.shape[::-1])
+    _, frames, sight, referee = flown
+    ids = sight.segment(frames[60]).ids
+    exact = referee.class_ids(frames[60], *ids.shape[::-1])
     assert 0.001 < np.mean(ids != exact) < 0.05
     assert np.mean(ids == CARPET) == pytest.approx(np.mean(exact == CARPET), abs=0.02)
 
 
 def test_depths_are_exact_but_for_a_factor(flown: Flown) -> None:
-    drone, frames = flown
-    assert drone.referee is not None
-    exact = drone.referee.depth(frames[60], *SIZE_PX)
-    factors = sight_of(drone).estimate(frames[60]).depth / exact
+    _, frames, sight, referee = flown
+    factors = sight.estimate(frames[60]).depth / referee.depth(frames[60], *SIZE_PX)
     middle = np.median(factors)
     assert 0.2 < middle < 0.4
     assert np.mean(np.abs(factors / middle - 1.0) < 0.05) > 0.9
@@ -115,8 +94,8 @@ def test_depths_are_exact_but_for_a_factor(flown: Flown) -> None:
 
 def test_the_measured_motion_has_the_stated_error(flown: Flown) -> None:
     """Beside the true motion of the lens; None where a frame was not perceived."""
-    drone, frames = flown
-    sight, off, unseen = sight_of(drone), [], 0
+    drone, frames, sight, _ = flown
+    off, unseen = [], 0
     for before, after in itertools.pairwise(frames):
         sight.segment(after)
         found = sight.motion(before, after)
@@ -133,67 +112,6 @@ def test_the_measured_motion_has_the_stated_error(flown: Flown) -> None:
     for frame in frames[-13:-10]:
         sight.segment(frame)
     assert sight.motion(frames[-12], frames[-11]) is not None
-
-
-TAG = Helipad(
-    position_m=(1.0, 0.5),
-    yaw_deg=20.0,
-    size_m=(0.5, 0.5, 0.2),
-    kind="apriltag",
-    options={"id": 7, "size_m": 0.3},
-)
-COVER = ObjectSpec(kind="box-1", position_m=(0.0, 0.5), size_m=(0.3, 0.4, 1.4))
-ROOM = Scene(name="mark", helipad=TAG, objects=(COVER,))
-BESIDE = (2.4, -0.6, 1.5, 140.0, -38.0)  # of the lens: x, y, z, yaw and pitch in degrees
-
-
-def lens(x_m: float, y_m: float, z_m: float, yaw_deg: float, pitch_deg: float) -> CameraPose:
-    yaw_rad, pitch_rad = math.radians(yaw_deg), math.radians(pitch_deg)
-    return CameraPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad, pitch_rad=pitch_rad)
-
-
-def sighted(camera: CameraPose, seed: int = 0) -> MarkSighting | None:
-    _, depth_m = Caster(ROOM, SIZE_PX).cast(camera)
-    return see_mark(TAG, camera, depth_m, np.random.default_rng(seed))
-
-
-@pytest.mark.parametrize(
-    ("at", "visible"),
-    [
-        (BESIDE, True),
-        ((1.2, -1.2, 1.3, 95.0, -30.0), True),
-        ((1.0, 0.4, 2.0, 20.0, -90.0), True),
-        ((2.4, -0.6, 1.5, -40.0, -38.0), False),  # behind
-        ((2.4, -0.6, 1.5, 140.0, 0.0), False),  # below the view
-        ((-0.88, -0.18, 0.35, 20.0, -5.0), False),  # too flat
-        ((-1.0, 0.5, 1.0, 0.0, -20.0), False),  # behind the box
-    ],
-)
-def test_a_mark_is_sighted_as_a_finder_sees_it_in_the_image(
-    at: tuple[float, float, float, float, float], *, visible: bool
-) -> None:
-    camera = lens(*at)
-    (view,) = render_views(ROOM, [camera])
-    frame = values.frame(view.image, camera.pitch_rad, camera.z_m)
-    finder = make_mark_finder(TAG.mark)
-    found = finder.find(MarkView(frame=frame, camera=anafi_camera(640, 360)))
-    seen = sighted(camera)
-    assert (found is not None) == (seen is not None) == visible
-    if found is None or seen is None:
-        return
-    place_m = (seen.forward_m, seen.right_m, seen.height_m)
-    assert place_m == pytest.approx((found.forward_m, found.right_m, found.height_m), abs=0.08)
-    assert found.heading_deg is not None
-    assert math.remainder(seen.heading_deg - found.heading_deg, 360.0) == pytest.approx(0.0, abs=2)
-
-
-def test_sightings_have_the_stated_errors() -> None:
-    """Of a tag of full confidence: 0.3 degrees of heading, and a hundredth of the range."""
-    found = [sighted(lens(*BESIDE), seed) for seed in range(300)]
-    headings, ranges_m = np.array([(each.heading_deg, each.range_m) for each in found]).T
-    assert {each.confidence for each in found} == {1.0}
-    assert np.std(headings) == pytest.approx(0.3, rel=0.15)
-    assert np.std(ranges_m) / np.mean(ranges_m) == pytest.approx(0.01, rel=0.15)
 
 
 def test_a_mission_that_looks_at_images_is_refused() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -21,30 +20,22 @@ from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import sample_flight_poses
 from tests.paper_lab import CARPET
-from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
-from uav_bt.types import MoverState
+from tests.sim_bridge.twin.lab_world import lens
+from tests.sim_bridge.twin.room_world import L_SHAPED, START, alone, scene_of, write_lab
+from uav_bt.types import MoverState, Pose2D
 
 SIZE = (160, 90)
-OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
 
 
 def around(count: int) -> list[CameraPose]:
     """Return poses on a circle that look at the middle, from above and below a table's top."""
-    generator = np.random.default_rng(7)
-    found = []
-    for number in range(count):
-        turn, away = 2.0 * math.pi * number / count, generator.uniform(1.2, 1.8)
-        z_m = float(generator.uniform(0.15, 2.3))
-        found.append(
-            CameraPose(
-                x_m=away * math.cos(turn),
-                y_m=away * math.sin(turn),
-                z_m=z_m,
-                yaw_rad=turn + math.pi + float(generator.normal(0.0, 0.1)),
-                pitch_rad=math.atan2(0.5 - z_m, away),
-            )
-        )
-    return found
+    generator, poses = np.random.default_rng(7), []
+    for turn_deg in np.linspace(0.0, 360.0, count, endpoint=False).tolist():
+        away_m, z_m = generator.uniform(1.2, 1.8), generator.uniform(0.15, 2.3)
+        x_m, y_m = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=math.radians(turn_deg)).to_world(away_m, 0.0)
+        pitch_deg = math.degrees(math.atan2(0.5 - z_m, away_m))
+        poses.append(lens(x_m, y_m, z_m, turn_deg + generator.normal(180.0, 6.0), pitch_deg))
+    return poses
 
 
 def share_off(
@@ -77,22 +68,20 @@ def test_rays_meet_a_shape_where_mujoco_meets_its_contacts(tmp_path: Path, kind:
     groups = np.zeros(6, np.uint8)
     groups[HIT_GROUP] = 1
     caster, generator = Caster(scene, (64, 36)), np.random.default_rng(1)
-    met, geom = 0, np.zeros(1, np.int32)
+    geom, met = np.zeros(1, np.int32), 0
     for pose in around(8):
         rays = caster.rays + generator.uniform(-0.004, 0.004, caster.rays.shape)
         ids, depth_m = caster.cast(pose, rays=rays)
-        axis, up = (np.array(each) for each in pose.axes())
-        right = np.cross(axis, up)
-        start = np.array((pose.x_m, pose.y_m, pose.z_m))
-        for row, column in generator.integers((0, 0), (36, 64), (60, 2)):
-            ray = axis + rays[row, column, 0] * right - rays[row, column, 1] * up
+        axis, up = map(np.array, pose.axes())
+        start, right = np.array((pose.x_m, pose.y_m, pose.z_m)), np.cross(axis, up)
+        for at in map(tuple, generator.integers((0, 0), (36, 64), (60, 2))):
+            ray = axis + rays[at][0] * right - rays[at][1] * up
             length = np.linalg.norm(ray)
             far = mujoco.mj_ray(lab.model, data, start, ray / length, groups, 1, -1, geom) / length
             name = lab.contact_name(int(geom[0]))
-            if name == "ceiling":
-                continue
-            assert depth_m[row, column] == pytest.approx(far, abs=2e-5)
-            assert (ids[row, column] >= 4) == (name == f"{kind}-1")
+            if name != "ceiling":
+                assert depth_m[at] == pytest.approx(far, abs=2e-5)
+                assert (ids[at] >= 4) == (name == f"{kind}-1")
             met += name == f"{kind}-1"
     assert met > 20
 
@@ -113,16 +102,15 @@ def test_the_renderer_draws_the_same_scenes(name: str) -> None:
 
 
 def test_movers_are_seen_where_they_are(tmp_path: Path) -> None:
-    text = """\
-take_off: {from: [-2.5, -1.5]}
-movers:
-  - {kind: cone, path_m: [[-1.0, 1.0], [1.5, 1.0]], speed_mps: 0.5, yaw_deg: 30}
-  - {kind: table, path_m: [[1.5, -1.0], [0.0, -1.0]], speed_mps: 0.4}
-  - {pattern: 1, path_m: [[0.0, 0.2], [1.5, 0.2]], speed_mps: 0.5}
-  - {pattern: 1, shape: box, size_m: [0.5, 0.3, 1], path_m: [[2, 1], [2, 0]], speed_mps: 0.5}
+    text = f"""\
+{START}movers:
+  - {{kind: cone, path_m: [[-1.0, 1.0], [1.5, 1.0]], speed_mps: 0.5, yaw_deg: 30}}
+  - {{kind: table, path_m: [[1.5, -1.0], [0.0, -1.0]], speed_mps: 0.4}}
+  - {{pattern: 1, path_m: [[0.0, 0.2], [1.5, 0.2]], speed_mps: 0.5}}
+  - {{pattern: 1, shape: box, size_m: [0.5, 0.3, 1], path_m: [[2, 1], [2, 0]], speed_mps: 0.5}}
 """
     scene = scene_of(write_lab(tmp_path / "hall"), text)
-    pose = CameraPose(x_m=-2.2, y_m=0.0, z_m=1.4, yaw_rad=0.0, pitch_rad=-0.4)
+    pose = lens(-2.2, 0.0, 1.4, 0.0, -23.0)
     movers = Traffic(scene.movers, 0).at(1.5)
     ids, _ = Caster(scene, SIZE).cast(pose, movers)
     assert set(np.unique(ids)) >= {scene.shape_of(mover).class_id for mover in scene.movers}
@@ -131,22 +119,15 @@ movers:
 
 def test_a_ground_of_five_corners_and_its_walls_hide_what_is_behind(tmp_path: Path) -> None:
     """An L-shaped hall: beyond its inner corner there is a wall, in both views."""
-    text = LAB.replace("size_m: [6, 4], surface", f"{OUTLINE}, surface")
-    scene = scene_of(write_lab(tmp_path / "hall", text), "take_off: {from: [-2.0, -1.0]}\n")
-    assert not scene.ground_plan.contains(1.0, 1.0)
-    assert scene.ground_plan.contains(-1.0, 1.0)
-    poses = [
-        CameraPose(x_m=-2.0, y_m=-1.0, z_m=1.5, yaw_rad=yaw_rad, pitch_rad=-0.4)
-        for yaw_rad in (0.5, 1.2, -0.3)
-    ]
+    scene = scene_of(write_lab(tmp_path / "hall", L_SHAPED), "take_off: {from: [-2.0, -1.0]}\n")
+    plan = scene.ground_plan
+    assert (plan.contains(1.0, 1.0), plan.contains(-1.0, 1.0)) == (False, True)
+    poses = [lens(-2.0, -1.0, 1.5, yaw_deg, -23.0) for yaw_deg in (30.0, 70.0, -15.0)]
     assert share_off(scene, poses, off_m=0.01) < 2e-3
 
 
-@pytest.mark.parametrize("scene", ["train-a", Scene(name="x", take_off=TakeOffSpec(random=True))])
-def test_a_view_straight_down_has_the_depth_of_the_lens(scene: str | Scene) -> None:
-    if isinstance(scene, str):
-        scene = replace(load_scene(scene), objects=())
-    pose = CameraPose(x_m=0.4, y_m=0.3, z_m=1.3, yaw_rad=0.0, pitch_rad=-math.pi / 2)
-    ids, depth_m = Caster(scene, SIZE).cast(pose)
+def test_a_view_straight_down_on_a_bare_ground_has_the_depth_of_the_lens() -> None:
+    scene = Scene(name="bare", take_off=TakeOffSpec(random=True))
+    ids, depth_m = Caster(scene, SIZE).cast(lens(0.4, 0.3, 1.3, 0.0, -90.0))
     assert (ids == CARPET).all()
     assert depth_m == pytest.approx(np.full(depth_m.shape, 1.3), abs=1e-5)

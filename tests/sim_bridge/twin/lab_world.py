@@ -1,7 +1,10 @@
-"""Helpers of the twin's tests: flights without images, and the truth about them."""
+"""Helpers of the twin's tests: flights without images, the truth about them, and camera poses."""
 
 from __future__ import annotations
 
+import math
+
+from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.drone import TwinDrone
 from uav_bt.types import Command, Movement, Observation, Truth
 
@@ -19,3 +22,9 @@ def truth(drone: TwinDrone) -> Truth:
     """Return the truth about a connected drone."""
     assert drone.referee is not None
     return drone.referee.truth()
+
+
+def lens(x_m: float, y_m: float, z_m: float, yaw_deg: float, pitch_deg: float) -> CameraPose:
+    """Return the pose of a camera, angles in degrees."""
+    yaw_rad, pitch_rad = math.radians(yaw_deg), math.radians(pitch_deg)
+    return CameraPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad, pitch_rad=pitch_rad)

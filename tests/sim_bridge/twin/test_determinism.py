@@ -13,10 +13,11 @@ import pytest
 
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
+from tests.sim_bridge.twin.lab_world import fly
 from uav_bt.types import Command, GimbalTo, MoveBy, TakeOff
 
 
-def flight_digest(seed: int, *, looks: int = 1, pause: Callable[[], None] = lambda: None) -> str:
+def flight_digest(seed: int, *, looks: int = 1, pause: Callable[[], object] = bool) -> str:
     """Fly six seconds; return a digest of all frames, states, ids, depths and truths."""
     drone = TwinConfig(seed=seed, image_size_px=(160, 90), scene="train-c").create()
     drone.connect()
@@ -55,19 +56,11 @@ def test_a_flight_repeats_in_another_process_and_another_seed_is_another_flight(
 
 
 def test_a_flight_repeats_however_often_it_is_observed_and_whatever_flies_beside(
-    first: str,
+    make_twin: Callable[..., TwinDrone], first: str
 ) -> None:
     """Independent of the wall clock, and of another twin that flies and renders in between."""
-    other = TwinConfig(seed=9, image_size_px=(320, 180), scene="val-a").create()
-    other.connect()
-
-    def disturb() -> None:
-        other.send(Command(movement=TakeOff()))
-        other.clock.sleep_until(other.clock.now() + 0.1)
-        other.observe()
-
-    assert flight_digest(5, looks=3, pause=disturb) == first
-    other.disconnect()
+    other = make_twin(profile="lab", seed=9, image_size_px=(320, 180), scene="val-a")
+    assert flight_digest(5, looks=3, pause=lambda: fly(other, TakeOff(), 0.1)) == first
 
 
 @pytest.mark.parametrize("late_s", [2.1, 2.37])

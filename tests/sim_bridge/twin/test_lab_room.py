@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sim_bridge.anafi import anafi_camera
-from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.render import Renderer
+from tests.sim_bridge.twin.lab_world import lens
 from tests.sim_bridge.twin.room_world import LAB, START, alone, body_in, scene_of, write_lab
 from tests.worlds import values
 from uav_bt.errors import FileError, SceneError
@@ -90,8 +90,7 @@ def test_the_ground_is_brighter_below_a_lamp(folder: Path) -> None:
     scene, means = scene_of(folder, START), []
     with Renderer(build_model(scene)) as renderer:
         for x_m in (-2.0, 2.0):
-            pose = CameraPose(x_m=x_m, y_m=0.0, z_m=1.0, yaw_rad=0.0, pitch_rad=-math.pi / 2)
-            means.append(float(renderer.rgb(pose, 160, 90).mean()))
+            means.append(renderer.rgb(lens(x_m, 0.0, 1.0, 0.0, -90.0), 160, 90).mean())
     assert means[0] > 1.3 * means[1]
 
 
@@ -106,8 +105,7 @@ def test_classes_are_exact_with_more_surfaces_than_one_byte_counts(folder: Path)
     scene = scene_of(folder, f"{text}take_off: {{from: [-9.0, -9.0]}}\n")
     lab = build_model(scene)
     assert (lab.model.geom_group == 0).sum() > 256
-    last = scene.placed[-1].spec.pose
-    pose = CameraPose(x_m=last.x_m - 1.0, y_m=last.y_m, z_m=1.6, yaw_rad=0.0, pitch_rad=-0.7)
+    x_m, y_m = scene.placed[-1].spec.position_m
     with Renderer(lab) as renderer:
-        ids = renderer.class_ids(pose, 160, 90)
+        ids = renderer.class_ids(lens(x_m - 1.0, y_m, 1.6, 0.0, -40.0), 160, 90)
     assert {4, 6} <= set(np.unique(ids).tolist()) <= {0, 1, 4, 6}

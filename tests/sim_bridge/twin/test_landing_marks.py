@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import pytest
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
-from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import paper_map
+from tests.sim_bridge.twin.lab_world import lens
 from tests.worlds import values
 from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
@@ -33,10 +32,7 @@ def test_each_kind_is_found_where_it_stands(kind: str, height_m: float) -> None:
     """Two views: from straight above, and from 1.5 m to the south with the drone looking north."""
     size_m, place_m = (0.5, 0.5, height_m), (0.6, -0.4)
     mark = Helipad(position_m=place_m, yaw_deg=20.0, size_m=size_m, kind=kind, options=KINDS[kind])
-    poses = [
-        CameraPose(x_m=0.6, y_m=y_m, z_m=CAMERA_M, yaw_rad=math.pi / 2, pitch_rad=pitch_rad)
-        for y_m, pitch_rad in ((-0.4, -math.pi / 2), (-1.9, -0.7))
-    ]
+    poses = [lens(0.6, -0.4, CAMERA_M, 90.0, -90.0), lens(0.6, -1.9, CAMERA_M, 90.0, -40.0)]
     finder, camera = make_mark_finder(mark.mark), anafi_camera(640, 360)
     scene = Scene(name="mark", helipad=mark)
     lab = build_model(scene, drawn=False)

@@ -13,15 +13,10 @@ from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from sim_bridge.twin.scene_file import load_scene
-from sim_bridge.twin.views import CameraPose
+from tests.sim_bridge.twin.lab_world import lens
 from uav_bt.errors import ValueRangeError
 
 SIZE = (640, 360)
-
-
-def pose(x_m: float, y_m: float, z_m: float, yaw_deg: float, pitch_deg: float) -> CameraPose:
-    yaw_rad, pitch_rad = math.radians(yaw_deg), math.radians(pitch_deg)
-    return CameraPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad, pitch_rad=pitch_rad)
 
 
 def bare(mark: Helipad) -> Renderer:
@@ -33,7 +28,7 @@ def test_ground_corners_appear_where_the_camera_model_projects_them(size: tuple[
     """The corners are within a pixel of their projections, at resized sizes, too."""
     camera = anafi_camera(640, 360).resized(*size)
     with bare(Helipad(position_m=(0.0, 0.0), size_m=(0.1, 0.1, 0.05))) as renderer:
-        ids = renderer.class_ids(pose(0.0, 0.0, 4.0, 0.0, -90.0), *size)
+        ids = renderer.class_ids(lens(0.0, 0.0, 4.0, 0.0, -90.0), *size)
     rows, columns = np.nonzero(ids == 1)
     # Looking straight down with the heading along x, the image's right is -y and its top +x.
     right = camera.cx_px + camera.fx_px * CARPET_SIZE_M[1] / 2 / 4.0
@@ -44,7 +39,7 @@ def test_ground_corners_appear_where_the_camera_model_projects_them(size: tuple[
 
 def test_the_letter_on_the_pad_is_upright_and_not_mirrored() -> None:
     """From above, facing the pad's +x, the legs of the H are vertical in the image."""
-    place = pose(0.0, 0.0, 1.4, 180.0, -90.0)
+    place = lens(0.0, 0.0, 1.4, 180.0, -90.0)
     with bare(Helipad(position_m=(0.0, 0.0), yaw_deg=90.0)) as renderer:
         panel = renderer.rgb(place, *SIZE)[..., 0] > 150
         ids = renderer.class_ids(place, *SIZE)
@@ -58,9 +53,9 @@ def test_the_letter_on_the_pad_is_upright_and_not_mirrored() -> None:
 
 def test_a_renderer_gives_the_same_picture_whatever_it_drew_between_until_it_is_closed() -> None:
     """Rendering other sizes and kinds in between has no effect."""
-    renderer, place = Renderer(build_model(load_scene("train-a"))), pose(-1.0, 0.5, 1.5, -30, -27)
+    renderer, place = Renderer(build_model(load_scene("train-a"))), lens(-1.0, 0.5, 1.5, -30, -27)
     first = renderer.rgb(place, *SIZE)
-    renderer.ids_and_depth(pose(0.0, 0.0, 2.5, 90.0, -60.0), 1152, 648)
+    renderer.ids_and_depth(lens(0.0, 0.0, 2.5, 90.0, -60.0), 1152, 648)
     assert np.array_equal(renderer.rgb(place, *SIZE), first)
     with pytest.raises(ValueRangeError, match="0x36"):
         renderer.rgb(place, 0, 36)

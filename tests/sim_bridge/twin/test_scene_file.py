@@ -144,7 +144,7 @@ def test_an_object_may_state_its_own_size(
 def test_a_number_distinguishes_boxes_of_one_pattern() -> None:
     boxes = [ObjectSpec(kind=f"box-{k % 8 + 1}", position_m=(0.0, 0.0)) for k in range(17)]
     names = object_names(boxes)
-    assert names[:9] == (*(f"box-{k}" for k in range(1, 9)), "box-1-2")
+    assert names[:9] == [*(f"box-{k}" for k in range(1, 9)), "box-1-2"]
     assert (names[16], len(set(names))) == ("box-1-3", 17)
 
 

@@ -1,4 +1,4 @@
-"""Rotated rectangles: containment, overlap and distances."""
+"""Turned rectangles on the ground: containment, overlap and distances."""
 
 from __future__ import annotations
 
@@ -28,20 +28,19 @@ def test_a_turned_square_extends_by_half_its_diagonal_and_touching_is_no_overlap
     assert not left.overlaps(right)
 
 
-def _outline(footprint: Footprint) -> np.ndarray:
+def outline(footprint: Footprint) -> np.ndarray:
     corners = np.array([*footprint.corners(), footprint.corners()[0]])
     steps = np.linspace(0.0, 1.0, 60)[:, None]
     return np.concatenate([a + steps * (b - a) for a, b in itertools.pairwise(corners)])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(a=FOOTPRINTS, b=FOOTPRINTS)
 def test_rectangles_overlap_where_their_outlines_meet(a: Footprint, b: Footprint) -> None:
-    """Brute force over points of the outlines agrees; overlap is symmetric."""
+    """Points of the outlines agree; overlap is symmetric."""
     assert a.overlaps(b) == b.overlaps(a)
     pairs = ((a, b), (b, a))
-    nearest_m = min(one.distance_m(x, y) for one, other in pairs for x, y in _outline(other))
-    if nearest_m > 0.03:
+    if min(one.distance_m(x, y) for one, other in pairs for x, y in outline(other)) > 0.03:
         assert not a.overlaps(b)
     if any(one.contains(other.x_m, other.y_m) for one, other in pairs):
         assert a.overlaps(b)
