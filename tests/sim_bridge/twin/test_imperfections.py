@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ STEP_S, LANDS_AT = 0.01, 10
 def test_profiles_go_from_no_imperfection_to_the_worst() -> None:
     """Ideal has limits, but neither delay nor error; harsh is nowhere better than lab."""
     worse = 0
-    for name in [item.name for item in fields(Profile)]:
-        ideal, lab, harsh = (getattr(each, name) for each in (IDEAL, LAB, HARSH))
+    for name, lab in vars(LAB).items():
+        ideal, harsh = getattr(IDEAL, name), getattr(HARSH, name)
         if isinstance(lab, Report):
             assert ideal == (0.0, 0.0)
             assert harsh.latency_s > lab.latency_s

@@ -87,11 +87,11 @@ def test_an_object_beyond_the_inner_corner_of_a_polygon_stands_outside(
 
 
 def test_the_ground_is_brighter_below_a_lamp(folder: Path) -> None:
-    scene, means = scene_of(folder, START), []
-    with Renderer(build_model(scene)) as renderer:
-        for x_m in (-2.0, 2.0):
-            means.append(renderer.rgb(lens(x_m, 0.0, 1.0, 0.0, -90.0), 160, 90).mean())
-    assert means[0] > 1.3 * means[1]
+    with Renderer(build_model(scene_of(folder, START))) as renderer:
+        below, beyond = (
+            renderer.rgb(lens(x_m, 0.0, 1.0, 0.0, -90.0), 160, 90).mean() for x_m in (-2.0, 2.0)
+        )
+    assert below > 1.3 * beyond
 
 
 def test_classes_are_exact_with_more_surfaces_than_one_byte_counts(folder: Path) -> None:
