@@ -87,16 +87,12 @@ def test_a_lab_with_other_names_and_ids_of_classes_gives_the_same_flight() -> No
     assert flights[0] == flights[1]
 
 
-def test_class_maps_differ_from_the_exact_ones_on_borders_only(flown: Flown) -> None:
+def test_class_maps_are_exact_but_at_borders_and_depths_but_for_a_factor(flown: Flown) -> None:
     _, frames, sight, referee = flown
     ids = sight.segment(frames[60]).ids
     exact = referee.class_ids(frames[60], *ids.shape[::-1])
     assert 0.001 < np.mean(ids != exact) < 0.05
     assert np.mean(ids == CARPET) == pytest.approx(np.mean(exact == CARPET), abs=0.02)
-
-
-def test_depths_are_exact_but_for_a_factor(flown: Flown) -> None:
-    _, frames, sight, referee = flown
     factors = sight.estimate(frames[60]).depth / referee.depth(frames[60], *SIZE_PX)
     middle = np.median(factors)
     assert 0.2 < middle < 0.4

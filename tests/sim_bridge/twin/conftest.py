@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
-from tests.sim_bridge.twin.lab_world import fly
+from tests.sim_bridge.twin.lab_world import MakeTwin, fly
+from tests.sim_bridge.twin.room_world import write_lab
 from uav_bt.types import TakeOff
 
 SMALL = (160, 90)
 
 
 @pytest.fixture
-def make_twin() -> Iterator[Callable[..., TwinDrone]]:
+def make_twin() -> Iterator[MakeTwin]:
     """Yield a maker of connected twins with small images; all are disconnected at the end."""
     with ExitStack() as ends:
 
@@ -29,3 +31,9 @@ def make_twin() -> Iterator[Callable[..., TwinDrone]]:
             return drone
 
         yield make
+
+
+@pytest.fixture
+def hall(tmp_path: Path) -> Path:
+    """Return the folder of a lab of every shape."""
+    return write_lab(tmp_path / "hall")

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.drone import TwinDrone
 from uav_bt.types import Command, Movement, Observation, Truth
+
+MakeTwin = Callable[..., TwinDrone]
 
 
 def fly(drone: TwinDrone, movement: Movement, duration_s: float) -> Observation:

@@ -32,13 +32,8 @@ room:
     drum: {class: drum, shape: cylinder, size_m: [0.6, 0.6, 0.9], surface: {colour: "#3060b0"}}
     crate: {class: drum, shape: box, size_m: [0.6, 0.4, 0.5], surface: {image: wood.png}}
     table: {class: table, shape: table, size_m: [1.0, 0.6, 0.8], surface: {generator: wood}}
-    rack:
-      class: table
-      shape: rack
-      size_m: [1.2, 0.4, 2.0]
-      shelves: 3
-      surface: {generator: wood}
-      frame: {colour: "#303030"}
+    rack: {class: table, shape: rack, size_m: [1.2, 0.4, 2.0], shelves: 3,
+      surface: {generator: wood}, frame: {colour: "#303030"}}
     cone:
       class: drum
       shape: mesh

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.twin import TwinConfig
-from sim_bridge.twin.drone import TwinDrone
-from tests.sim_bridge.twin.lab_world import fly
+from tests.sim_bridge.twin.lab_world import MakeTwin, fly
 from uav_bt.types import Command, GimbalTo, MoveBy, TakeOff
 
 
@@ -55,18 +54,14 @@ def test_a_flight_repeats_in_another_process_and_another_seed_is_another_flight(
     assert same == first != other
 
 
-def test_a_flight_repeats_however_often_it_is_observed_and_whatever_flies_beside(
-    make_twin: Callable[..., TwinDrone], first: str
-) -> None:
+def test_more_looks_and_another_twin_change_nothing(make_twin: MakeTwin, first: str) -> None:
     """Independent of the wall clock, and of another twin that flies and renders in between."""
     other = make_twin(profile="lab", seed=9, image_size_px=(320, 180), scene="val-a")
     assert flight_digest(5, looks=3, pause=lambda: fly(other, TakeOff(), 0.1)) == first
 
 
 @pytest.mark.parametrize("late_s", [2.1, 2.37])
-def test_a_frame_drawn_ahead_is_the_one_that_would_be_drawn_on_demand(
-    make_twin: Callable[..., TwinDrone], late_s: float
-) -> None:
+def test_a_frame_drawn_ahead_is_the_one_drawn_on_demand(make_twin: MakeTwin, late_s: float) -> None:
     """After steady observations the next frame is drawn ahead; a late observation skips it."""
     frames = []
     for observed_s in ((1.8, 1.9, 2.0, late_s), (late_s,)):

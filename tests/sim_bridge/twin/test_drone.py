@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 
 from sim_bridge.twin import TwinConfig
-from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import Scene
-from tests.sim_bridge.twin.lab_world import fly, truth
+from tests.sim_bridge.twin.lab_world import MakeTwin, fly, truth
 from uav_bt.errors import DroneError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Clock, Drone, Referee
 from uav_bt.types import (
@@ -33,7 +31,6 @@ from uav_bt.types import (
     Velocity,
 )
 
-MakeTwin = Callable[..., TwinDrone]
 WALL = Scene(
     name="wall",
     helipad=Helipad(position_m=(-1.5, -1.0)),
@@ -44,9 +41,7 @@ WALL = Scene(
 )
 
 
-def test_it_keeps_the_protocols_and_each_connection_starts_a_new_flight(
-    make_twin: MakeTwin,
-) -> None:
+def test_it_keeps_the_protocols_and_each_connection_is_a_new_flight(make_twin: MakeTwin) -> None:
     drone = make_twin(airborne=True)
     assert isinstance(drone, Drone)
     assert isinstance(drone.clock, Clock)
@@ -134,9 +129,7 @@ def test_a_movement_arrives_once_where_it_was_sent(
         assert math.remainder(off, math.tau) == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_movement_is_rejected_on_the_ground_and_interrupted_by_the_next_order(
-    make_twin: MakeTwin,
-) -> None:
+def test_a_movement_is_rejected_on_the_ground_and_ended_by_the_next(make_twin: MakeTwin) -> None:
     drone = make_twin()
     flown = []
     for move, duration_s in (
@@ -162,7 +155,6 @@ def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwi
     drone = make_twin(airborne=True)
     order = Velocity(forward_mps=3.0, right_mps=4.0, down_mps=-2.0, yaw_rate_radps=9.0)
     sent = drone.send(Command(movement=order)).movement
-    assert isinstance(sent, Velocity)
     assert astuple(sent) == pytest.approx((0.6, 0.8, -0.6, 1.4))
     state = fly(drone, Velocity(forward_mps=0.4), 1.5).state
     assert state.velocity.forward_mps == pytest.approx(0.4, abs=0.03)
@@ -180,9 +172,7 @@ def test_cut_motors_let_it_fall(make_twin: MakeTwin) -> None:
     assert truth(drone).pose.z_m < 0.6
 
 
-def test_the_gimbal_turns_at_its_rate_and_the_drone_does_not_see_itself(
-    make_twin: MakeTwin,
-) -> None:
+def test_the_gimbal_turns_at_its_rate_and_sees_nothing_of_the_drone(make_twin: MakeTwin) -> None:
     """The camera's pitch is a channel of its own, kept without a command."""
     drone = make_twin()
     drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
@@ -190,8 +180,6 @@ def test_the_gimbal_turns_at_its_rate_and_the_drone_does_not_see_itself(
     assert -0.85 < drone.observe().state.gimbal_pitch_rad < -0.6
     seen = fly(drone, Hover(), 1.5)
     assert seen.state.gimbal_pitch_rad == pytest.approx(-math.pi / 2, abs=0.01)
-    assert seen.frame is not None
-    assert drone.referee is not None
     assert set(np.unique(drone.referee.class_ids(seen.frame, 160, 90))) <= {1, 2, 3}
 
 
@@ -205,9 +193,7 @@ def test_commands_take_effect_after_computing_and_transmission(make_twin: MakeTw
     assert truth(drone).motors_on
 
 
-def test_frames_come_late_at_the_video_rate_with_the_telemetry_of_their_capture(
-    make_twin: MakeTwin,
-) -> None:
+def test_frames_come_late_with_the_telemetry_of_their_capture(make_twin: MakeTwin) -> None:
     """The age of the newest frame is between the latency and one video period more."""
     drone = make_twin(profile="lab")
     assert drone.observe().frame is None
@@ -215,7 +201,6 @@ def test_frames_come_late_at_the_video_rate_with_the_telemetry_of_their_capture(
     for tick in range(2, 23):
         drone.clock.sleep_until(0.1 * tick)
         seen = drone.observe()
-        assert seen.frame is not None
         assert drone.observe().frame is seen.frame
         assert drone.clock.now() - seen.state.captured_s >= 0.06 - 1e-6
         age_s = drone.clock.now() - seen.frame.captured_s
@@ -289,11 +274,8 @@ def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin) -> No
     assert truth(drone).contacts == ()
 
 
-def test_landing_beside_the_pad_is_measured_and_leaving_the_ground_is_seen(
-    make_twin: MakeTwin,
-) -> None:
+def test_landing_beside_the_pad_and_leaving_the_ground_are_measured(make_twin: MakeTwin) -> None:
     drone = make_twin(scene=replace(WALL, ground_size_m=(6.0, 4.0)), airborne=True)
-    assert drone.referee is not None
     assert drone.referee.ground() == drone.scene.ground_plan
     fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
     assert truth(drone).inside_ground
@@ -311,8 +293,6 @@ def test_masks_and_depth_show_the_frame_s_own_view_for_thirty_seconds(make_twin:
     """Ids and depth of an old frame are those of its capture; the referee knows its own frames."""
     drone = make_twin(profile="lab", airborne=True)
     frame, referee = drone.observe().frame, drone.referee
-    assert frame is not None
-    assert referee is not None
     fly(drone, MoveBy(id=1, yaw_rad=2.0), 3.0)
     ids, depth = referee.class_ids(frame, 320, 180), referee.depth(frame, 320, 180)
     camera = drone.simulation.capture_of(frame.index).camera

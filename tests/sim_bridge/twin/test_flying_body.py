@@ -109,9 +109,9 @@ def test_a_mover_pushes_a_standing_drone_away(shape: str) -> None:
     ],
 )
 def test_every_shape_of_a_lab_is_touched_at_its_parts_by_its_name(
-    tmp_path: Path, kind: str, at_m: Vector, *, touches: bool
+    hall: Path, kind: str, at_m: Vector, *, touches: bool
 ) -> None:
-    body = body_in(alone(write_lab(tmp_path / "hall"), kind, yaw_deg=0.0))
+    body = body_in(alone(hall, kind, yaw_deg=0.0))
     body.place(*at_m, 0.0)
     assert body.contacts() == ((f"{kind}-1",) if touches else ())
     assert (body.clearance_m() == 0.0) == touches

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -87,9 +88,8 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
     library = tmp_path / "triton" / "_C" / "libtriton.so"
     library.parent.mkdir(parents=True)
     shutil.copy(_ctypes.__file__, library)  # any shared library
-    (tmp_path / "triton" / "__init__.py").touch()
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "triton", raising=False)  # the real one of PyTorch
+    triton = ModuleSpec("triton", None, origin=str(tmp_path / "triton" / "__init__.py"))
+    monkeypatch.setattr(gl.importlib.util, "find_spec", {"triton": triton}.get)
     monkeypatch.setattr(
         gl, "_egl_works", lambda: str(library) in Path("/proc/self/maps").read_text()
     )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
 from sim_bridge.twin.surfaces import paint_of
+from uav_bt.errors import FileError
 from uav_bt.lab.room import ROOF_PAPERS, SIDE_PAPERS, PaintedLine, Surface
 
 RED = PaintedLine(points_m=((0.5, 0.25), (0.9, 0.25)), width_m=0.2, colour="#ff0000")
@@ -72,9 +73,7 @@ def test_tiles_repeat_without_a_seam(name: str) -> None:
         {"image": "grey.png", "tile_m": (0.3, 0.3)},
     ],
 )
-def test_a_line_is_painted_at_its_place_on_the_ground(
-    tmp_path: Path, given: dict[str, Any]
-) -> None:
+def test_a_line_is_painted_at_its_place(tmp_path: Path, given: dict[str, Any]) -> None:
     """The first row of the texture is the largest y, the last column the largest x."""
     cv2.imwrite(str(tmp_path / "grey.png"), np.full((64, 64, 3), 128, np.uint8))
     paint = paint_of(Surface(**given, lines=(RED,)), tmp_path, WHOLE_M)
@@ -92,3 +91,10 @@ def test_a_line_is_painted_at_its_place_on_the_ground(
 def test_a_colour_is_the_mean_of_its_texture() -> None:
     image = paint_of(Surface(colour="#2c5aa8"), Path()).make()
     assert image.mean(axis=(0, 1)) == pytest.approx((0x2C, 0x5A, 0xA8), abs=8)
+
+
+def test_a_picture_that_is_cut_off_is_refused_when_it_is_drawn(hall: Path) -> None:
+    picture = hall / "wood.png"
+    picture.write_bytes(picture.read_bytes()[:40])
+    with pytest.raises(FileError, match=r"wood.png: is a damaged picture"):
+        paint_of(Surface(image="wood.png"), hall).make()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.twin import variation
-from sim_bridge.twin.objects import Helipad, ObjectSpec
+from sim_bridge.twin.objects import ObjectSpec
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.variation import start_pose, varied, varied_scene, with_movers
@@ -74,9 +74,7 @@ def test_without_a_layout_only_the_light_is_another() -> None:
     assert scene.lighting.direction[2] < 0.0
 
 
-def test_an_arrangement_that_is_found_by_the_last_try_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_arrangement_of_the_last_try_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """A single box on a free ground fits at once."""
     alone = replace(SCENE, objects=SCENE.objects[:1])
     expected = drawn(alone, 4)
@@ -104,19 +102,6 @@ def test_a_drawn_layout_uses_the_whole_ground() -> None:
     starts = [start_pose(scene, seed) for seed in range(30)]
     for places in ([each.position_m for each in scene.objects], [(p.x_m, p.y_m) for p in starts]):
         assert np.abs(places).max(axis=0).min() > 3.0
-
-
-@pytest.mark.parametrize(
-    ("take_off_m", "start_m"), [(None, (-1.0, 1.0, 0.45)), ((0.3, -0.4), (0.3, -0.4, 0.05))]
-)
-def test_the_body_stands_on_the_landing_mark_or_at_a_place(
-    take_off_m: tuple[float, float] | None, start_m: tuple[float, float, float]
-) -> None:
-    """Its centre is 5 cm above the mark, which is 0.4 m high, or above the ground."""
-    spec = TakeOffSpec(position_m=take_off_m, yaw_deg=90.0)
-    pose = start_pose(Scene(name="x", helipad=Helipad(position_m=(-1, 1)), take_off=spec), 0)
-    assert (pose.x_m, pose.y_m, pose.z_m) == pytest.approx(start_m)
-    assert pose.yaw_rad == pytest.approx(math.pi / 2)
 
 
 @pytest.mark.parametrize("scene", [SCENE, DEPOT, MOVING])
