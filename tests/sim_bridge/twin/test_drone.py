@@ -59,7 +59,6 @@ def test_it_keeps_the_protocols_and_each_connection_is_a_new_flight(make_twin: M
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"scene": "trian-a"}, UnknownNameError, "did you mean 'train-a'"),
         ({"profile": "harsch"}, UnknownNameError, "did you mean 'harsh'"),
         ({"seed": -1}, ValueRangeError, "-1"),
         ({"image_size_px": (640, 480)}, ValueRangeError, "640x360"),

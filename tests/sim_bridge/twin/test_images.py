@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ from uav_bt.plugins import make_mark_finder
 
 SIZE, SMALL = (640, 360), (160, 90)
 SCENE = load_scene("test-a")
-KINDS: dict[str, dict[str, Any]] = {
+KINDS = {
     "apriltag": {"family": "25h9", "id": 3, "size_m": 0.35},
     "aruco": {"id": 3, "size_m": 0.35},
     "region": {},
@@ -80,11 +79,6 @@ def test_a_renderer_gives_the_same_picture_whatever_it_drew_between_until_it_is_
     renderer.close()
     with pytest.raises(ValueRangeError, match="closed"):
         renderer.rgb(place, 64, 36)
-
-
-def test_the_view_is_that_of_the_anafi() -> None:
-    camera = anafi_camera(1280, 720)
-    assert 2 * math.degrees(math.atan(640 / camera.fx_px)) == pytest.approx(69.0, abs=0.1)
 
 
 def test_the_ground_is_brighter_below_a_lamp(hall: Path) -> None:

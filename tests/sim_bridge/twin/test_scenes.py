@@ -14,7 +14,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import start_pose
 from tests.paper_lab import BOXES
-from tests.sim_bridge.twin.room_world import LAB, START, alone, body_in, scene_of, write_lab
+from tests.sim_bridge.twin.room_world import LAB, START, alone, body_in, scene_of
 from tests.worlds import values
 from tests.worlds.tables import cases
 from uav_bt.errors import SceneError
@@ -142,9 +142,6 @@ def test_a_path_that_is_just_good_is_taken(hall: Path, path: str) -> None:
     assert read(hall, "movers", "[[0.0, -1.2], [0.0, 1.2]]", path)
 
 
-# --- the ground below -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("at_m", "below_m", "surface_m"),
     [((0.1, 0.3), 1.5, 0.8), ((0.1, 0.3), 0.4, 0.0), ((0.5, -0.1), 1.5, 0.0)],
@@ -185,11 +182,10 @@ def test_shelves_and_drums_cover_their_outline(
 
 
 @pytest.mark.parametrize("step", [1, -1])
-def test_what_lies_beyond_an_inner_corner_is_outside(tmp_path: Path, step: int) -> None:
+def test_what_lies_beyond_an_inner_corner_is_outside(hall: Path, step: int) -> None:
     """The corners may be stated either way round."""
     outline = str([[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]][::step])
-    lab = LAB.replace("size_m: [6, 4]", f"outline_m: {outline}")
-    hall = write_lab(tmp_path / "corner", lab)
+    (hall / "lab.yaml").write_text(LAB.replace("size_m: [6, 4]", f"outline_m: {outline}"))
     table = "objects: [{kind: table, position_m: [-0.6, 0.5]}]\n"
     body = body_in(scene_of(hall, table + START))
     for x_m, contacts in ((-0.2, ()), (0.0, ("wall-4",))):
