@@ -26,7 +26,7 @@ from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, writing
 from uav_bt.learning.lab_material import fingerprint
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.record.reader import RECORD_SUFFIX
 
 _VIDEO_SUFFIXES: Final = (
