@@ -85,7 +85,7 @@ def _files(path: Path, own: Path) -> list[Path]:
             path, f"there is no such video, photograph or folder{did_you_mean_file(path)}"
         )
     if own.resolve() in (path.resolve(), *path.resolve().parents):
-        raise FileError(path, "is in the folder of the lab's images; name the videos they are from")
+        raise FileError(path, "is among the lab's own images: give the videos that they came from")
     if not path.is_dir():
         return [path]
     found = [
