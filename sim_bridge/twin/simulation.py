@@ -12,10 +12,10 @@ from sim_bridge.twin.autopilot import Autopilot
 from sim_bridge.twin.body import CONTROL_STEP_S, TIME_SLACK_S
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.flying_body import FlyingBody
+from sim_bridge.twin.movers import Traffic
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
-from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Downlink, Sensors
 from uav_bt.errors import ValueRangeError

@@ -14,8 +14,8 @@ from sim_bridge.plain.caster import Caster
 from sim_bridge.twin.builder import HIT_GROUP
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import build_model
+from sim_bridge.twin.movers import Traffic
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import sample_flight_poses

@@ -10,9 +10,8 @@ import pytest
 
 from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.flying_body import FlyingBody, Vector
-from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.movers import MoverSpec, Traffic
 from sim_bridge.twin.objects import Helipad, ObjectSpec
-from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from tests.sim_bridge.twin.room_world import L_SHAPED, START, alone, body_in, scene_of, write_lab

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.movers import MoverSpec, Traffic
 from sim_bridge.twin.objects import Helipad
-from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from tests.paper_lab import BOXES
 from tests.sim_bridge.twin.lab_world import MakeTwin, fly, truth
