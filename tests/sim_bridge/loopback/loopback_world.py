@@ -18,7 +18,8 @@ from uav_bt.clock import ManualClock
 from uav_bt.types import FlyingState
 
 STEP_S = 0.02
-Step = str | tuple[str, dict[str, Any]] | float | FlyingState
+Order = tuple[str, dict[str, Any]]
+Step = str | Order | float | FlyingState
 
 
 @cache
@@ -106,12 +107,10 @@ class Bench:
         return self.values("FlyingStateChanged", "state")
 
 
-def sticks(flag: int = 1, **percent: int) -> tuple[str, dict[str, Any]]:
+def sticks(flag: int = 1, **percent: int) -> Order:
     centred = {"roll": 0, "pitch": 0, "yaw": 0, "gaz": 0, "timestampAndSeqNum": 0}
     return "PCMD", {"flag": flag, **centred, **percent}
 
 
-def move_by(
-    dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, dpsi: float = 0.0
-) -> tuple[str, dict[str, Any]]:
+def move_by(dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, dpsi: float = 0.0) -> Order:
     return "moveBy", {"dX": dx, "dY": dy, "dZ": dz, "dPsi": dpsi}

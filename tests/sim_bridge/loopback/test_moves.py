@@ -8,7 +8,14 @@ from typing import Any
 import pytest
 
 from sim_bridge.loopback.world import location
-from tests.sim_bridge.loopback.loopback_world import Bench, Step, full_name, move_by, sticks
+from tests.sim_bridge.loopback.loopback_world import (
+    Bench,
+    Order,
+    Step,
+    full_name,
+    move_by,
+    sticks,
+)
 from uav_bt.types import FlyingState
 
 UP, DOWN = FlyingState.HOVERING, FlyingState.LANDED
@@ -27,11 +34,11 @@ def position(bench: Bench) -> tuple[float, float, float]:
     return bench.state.north_m, bench.state.east_m, bench.state.altitude_m
 
 
-def slowly(d_x: float, **how: float) -> Step:
+def slowly(d_x: float, **how: float) -> Order:
     return "extended_move_by", {"d_x": d_x, "d_y": 0.0, "d_z": 0.0, "d_psi": 0.0, **SPEEDS, **how}
 
 
-def move_to(north_m: float, east_m: float, **how: Any) -> Step:
+def move_to(north_m: float, east_m: float, **how: Any) -> Order:
     place = location(north_m, east_m, 1.0).arguments
     return "moveTo", {**place, "orientation_mode": "NONE", "heading": 0.0, **how}
 
@@ -146,8 +153,8 @@ def test_a_place_is_flown_to_facing_as_asked(
 
 
 def test_an_extended_flight_to_a_place_can_be_replaced_and_called_off(bench: Bench) -> None:
-    _, how = move_to(10.0, 0.0, orientation_mode="none", **SPEEDS)
-    bench.play(("extended_move_to", how), 2.5)
+    _, slow = move_to(10.0, 0.0, orientation_mode="none", **SPEEDS)
+    bench.play(("extended_move_to", slow), 2.5)
     assert position(bench)[0] == pytest.approx(0.5, abs=0.1)
     bench.play(move_to(0.0, 10.0), 1.0, "Landing")
     assert bench.values("moveToChanged", "status") == ["RUNNING", "RUNNING", "CANCELED"]
@@ -213,9 +220,8 @@ def test_a_client_that_leaves_in_flight_leaves_a_hovering_drone_that_comes_home(
     bench.sticks(4.0, pitch=50)
     bench.anafi.disconnected()
     bench.run(8.0)
-    assert bench.state.flying is UP
     away_m = bench.state.north_m
-    assert away_m > 2.0
+    assert (bench.state.flying, away_m > 2.0) == (UP, True)
     if comes_back:
         bench.connect()
     bench.run(90.0)

@@ -50,11 +50,17 @@ async def connected(server: LoopbackServer | LoopbackDrone) -> Client:
 
 
 @asynchronous
-async def test_a_client_connects_flies_and_lands() -> None:
+async def test_only_the_client_that_connected_flies_and_lands() -> None:
     async with serving(fast()) as server:
         client = await connected(server)
         assert (client.card["model.id"], client.answer["proto_v"]) == ("0x0914", 2)
-        await client.ask("TakeOff", FLYING)
+        before = len(client.events)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.sendto(TAKE_OFF, (HOST, server.ports.commands))
+        await asyncio.sleep(0.2)
+        await client.ask(*MAX_TILT, current=12.0)
+        assert full_name(FLYING) not in [event.name for event in client.events[before:]]
+        client.put(TAKE_OFF)
         await client.wait(FLYING, state="hovering")
         name, values = move_by(1.0)
         done = await client.ask(name, "moveByEnd", **values)
@@ -77,21 +83,6 @@ async def test_clients_come_and_go_one_at_a_time() -> None:
         assert (await first.ask(*MAX_TILT, current=12.0)).values["current"] == 12.0
         first.close()
         dies.discovery.close()
-
-
-@asynchronous
-async def test_only_commands_of_the_socket_that_connected_are_executed() -> None:
-    async with serving(fast()) as server:
-        client = await connected(server)
-        before = len(client.events)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            other.sendto(TAKE_OFF, (HOST, server.ports.commands))
-        await asyncio.sleep(0.2)
-        await client.ask(*MAX_TILT, current=12.0)
-        assert full_name(FLYING) not in [event.name for event in client.events[before:]]
-        client.put(TAKE_OFF)
-        await client.wait(FLYING, state="hovering")
-        client.close()
 
 
 @asynchronous

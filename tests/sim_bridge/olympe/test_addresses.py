@@ -16,7 +16,7 @@ from sim_bridge.olympe import AnafiConfig, SphinxConfig, probe
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.probe import probe as probed
 from sim_bridge.olympe.sdk import load_sdk
-from tests.sim_bridge.olympe.fake_olympe import FakeWorld, config
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, FakeWorld, config
 from uav_bt.errors import DroneError, InputError, MissingDependencyError, ValueRangeError
 from uav_bt.protocols import Drone
 
@@ -63,37 +63,26 @@ def test_limits_are_positive(limit: str, value: float) -> None:
         (b"", False),
     ],
 )
-def test_a_remote_control_announces_itself(announcement: bytes, *, remote: bool) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def announce() -> None:
-            connection, _ = server.accept()
-            with connection:
-                connection.sendall(announcement)
-
-        announcing = threading.Thread(target=announce)
-        announcing.start()
-        found = probed(config(address=f"127.0.0.1:{server.getsockname()[1]}"))
-        announcing.join()
-    assert found is remote
-
-
-def test_a_listening_port_that_announces_nothing_is_a_drone(
-    monkeypatch: pytest.MonkeyPatch,
+def test_a_remote_control_announces_itself(
+    monkeypatch: pytest.MonkeyPatch, announcement: bytes, *, remote: bool
 ) -> None:
-    monkeypatch.setattr(probe, "LIMIT_S", 0.1)
+    """A port that listens and announces nothing is a drone."""
+    monkeypatch.setattr(probe, "LIMIT_S", 0.1 if announcement == b"" else PATIENCE_S)
+
+    def announce() -> None:
+        with server.accept()[0] as connection:
+            connection.sendall(announcement)
+
     with socket.create_server(("127.0.0.1", 0)) as server:
-        assert not probed(config(address=f"127.0.0.1:{server.getsockname()[1]}"))
+        if announcement:
+            threading.Thread(target=announce).start()
+        assert probed(config(address=f"127.0.0.1:{server.getsockname()[1]}")) is remote
 
 
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        (
-            {},
-            ConnectionRefusedError(111, "refused"),
-            r"reach .*\(refused\): .*`uav-bt serve-anafi`",
-        ),
+        ({}, OSError(111, "refused"), r"reach .*\(refused\): .*`uav-bt serve-anafi`"),
         ({"address": "127.0.3.4"}, OSError("odd"), r"`uav-bt serve-anafi --address 127.0.3.4`"),
         ({"address": "localhost"}, OSError("odd"), r"reach anafi at localhost.*serve-anafi`"),
         ({"address": None}, TimeoutError(), "no answer from anafi at .* within 2 s: switch the"),
@@ -139,16 +128,19 @@ def test_the_sdk_logs_through_our_loggers_at_a_lower_level(
 
 
 @pytest.mark.parametrize(
-    ("remote", "proxy", "address"),
+    ("remote", "drone", "address"),
     [
-        (False, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.1", 8080)),
-        (True, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.9", 1234)),
-        (True, SimpleNamespace(address=None, port=None), ("127.0.0.1", 8180)),
-        (True, None, ("127.0.0.1", 8180)),
+        (False, {"http_proxy": ("127.0.0.9", 1234)}, ("127.0.0.1", 8080)),
+        (True, {"http_proxy": ("127.0.0.9", 1234)}, ("127.0.0.9", 1234)),
+        (True, {"http_proxy": (None, None)}, ("127.0.0.1", 8180)),
+        (True, {}, ("127.0.0.1", 8180)),
     ],
 )
 def test_the_web_server_behind_a_remote_control_is_at_the_proxy(
-    *, remote: bool, proxy: object, address: tuple[str, int]
+    *, remote: bool, drone: dict[str, Any], address: tuple[str, int]
 ) -> None:
-    drone = SimpleNamespace() if proxy is None else SimpleNamespace(http_proxy=proxy)
-    assert FakeWorld().sdk.web_address(drone, config(http_port=8080), remote=remote) == address
+    proxies = {
+        name: SimpleNamespace(address=host, port=port) for name, (host, port) in drone.items()
+    }
+    sdk, where = FakeWorld().sdk(), config(http_port=8080)
+    assert sdk.web_address(SimpleNamespace(**proxies), where, remote=remote) == address
