@@ -64,9 +64,7 @@ def test_the_sticks_fly_until_they_are_centred_or_expire(bench: Bench, *, centre
     assert bench.flying_states() == ["flying", "hovering"]
 
 
-def test_without_the_flag_roll_and_pitch_do_not_count_and_on_the_ground_nothing(
-    bench: Bench,
-) -> None:
+def test_roll_and_pitch_take_the_flag_and_all_sticks_a_flight(bench: Bench) -> None:
     bench.sticks(1.0, flag=0, roll=50, pitch=50, yaw=100)
     assert speed_mps(bench) == pytest.approx(0.0, abs=0.01)
     assert bench.state.attitude.yaw_rad > 0.3
@@ -105,9 +103,7 @@ def test_sticks_are_shares_of_what_is_set_within_what_the_body_can_do(bench: Ben
     ("scene", "limit_m", "kept_m"),
     [(None, 2.0, 2.0), ("depot-val-a", 30.0, 3.5), ("train-a", 30.0, 3.75)],
 )
-def test_the_greatest_altitude_and_the_labs_ceiling_are_kept(
-    scene: str | None, limit_m: float, kept_m: float
-) -> None:
+def test_it_climbs_to_its_limit(scene: str | None, limit_m: float, kept_m: float) -> None:
     bench = Bench(scene)
     bench.fly()
     bench.send("MaxAltitude", current=limit_m)

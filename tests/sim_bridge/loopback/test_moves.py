@@ -99,9 +99,7 @@ def test_what_interrupts_a_movement(bench: Bench, step: Step, error: str, status
         (None, ["TakeOff", UP, slowly(1.0, max_horizontal_speed=math.nan)], ["unknown"]),
     ],
 )
-def test_movements_that_are_refused_or_fail(
-    scene: str | None, steps: list[Step], errors: list[str]
-) -> None:
+def test_a_movement_may_be_refused(scene: str | None, steps: list[Step], errors: list[str]) -> None:
     bench = Bench(scene)
     bench.play(*steps)
     assert bench.values("moveByEnd", "error") == errors
@@ -117,9 +115,7 @@ def test_movements_that_are_refused_or_fail(
         [slowly(1.0)],
     ],
 )
-def test_a_movement_is_as_fast_as_the_settings_or_its_own_speed_allow(
-    bench: Bench, steps: list[Step]
-) -> None:
+def test_a_movement_keeps_the_speeds_that_are_set(bench: Bench, steps: list[Step]) -> None:
     bench.play(*steps, 4.5)
     assert bench.values("moveByEnd") == []
     bench.run(2.0)
@@ -213,9 +209,7 @@ def test_home_may_be_somewhere_else_and_hovered_over(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("comes_back", [True, False])
-def test_a_client_that_leaves_in_flight_leaves_a_hovering_drone_that_comes_home(
-    bench: Bench, *, comes_back: bool
-) -> None:
+def test_a_drone_without_client_hovers_and_comes_home(bench: Bench, *, comes_back: bool) -> None:
     bench.send("rth.set_delay", delay=10)
     bench.sticks(4.0, pitch=50)
     bench.anafi.disconnected()

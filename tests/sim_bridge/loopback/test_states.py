@@ -12,7 +12,7 @@ from sim_bridge.loopback.handshake import ANAFI
 from sim_bridge.loopback.media import MAX_BYTES, Card, Photo
 from sim_bridge.loopback.world import GROUND_M, HOME
 from sim_bridge.olympe.orders import point
-from tests.sim_bridge.loopback.loopback_world import Bench, full_name, move_by
+from tests.sim_bridge.loopback.loopback_world import Bench, Order, full_name, move_by
 from uav_bt.types import FlyingState
 
 
@@ -91,34 +91,31 @@ def test_a_reset_brings_the_first_settings_back(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "values", "named"),
+    ("command", "named"),
     [
         # Commands of another camera or gimbal.
-        ("camera.set_camera_mode", {"cam_id": 1, "value": "photo"}, 0),
-        ("camera.take_photo", {"cam_id": 1}, 0),
-        ("gimbal.reset_orientation", {"gimbal_id": 1}, 0),
+        (("camera.set_camera_mode", {"cam_id": 1, "value": "photo"}), 0),
+        (("camera.take_photo", {"cam_id": 1}), 0),
+        (("gimbal.reset_orientation", {"gimbal_id": 1}), 0),
         # What the loopback lacks.
-        ("ardrone3.Animations.Flip", {"direction": "front"}, 1),
-        ("ardrone3.Piloting.CancelMoveBy", {}, 1),
-        ("camera.set_zoom_target", {"cam_id": 0, "control_mode": "level", "target": 2.0}, 1),
-        ("camera.start_recording", {"cam_id": 0}, 1),
-        ("gimbal.set_offsets", {"gimbal_id": 0, "yaw": 0.0, "pitch": 0.0, "roll": 0.0}, 1),
-        ("user_storage.format", {"label": "card"}, 1),
+        (("ardrone3.Animations.Flip", {"direction": "front"}), 1),
+        (("ardrone3.Piloting.CancelMoveBy", {}), 1),
+        (("camera.set_zoom_target", {"cam_id": 0, "control_mode": "level", "target": 2.0}), 1),
+        (("camera.start_recording", {"cam_id": 0}), 1),
+        (("gimbal.set_offsets", {"gimbal_id": 0, "yaw": 0.0, "pitch": 0.0, "roll": 0.0}), 1),
+        (("user_storage.format", {"label": "card"}), 1),
     ],
 )
 def test_what_is_not_answered_changes_nothing_and_is_named_once(
-    bench: Bench,
-    command: str,
-    values: dict[str, Any],
-    named: int,
-    caplog: pytest.LogCaptureFixture,
+    bench: Bench, caplog: pytest.LogCaptureFixture, command: Order, named: int
 ) -> None:
+    name, values = command
     bench.world.point(-0.5)
     for _ in range(3):
-        bench.firmware.handle(Message(name=command, values=values))
+        bench.firmware.handle(Message(name=name, values=values))
     assert bench.events == []
     lines = [line.partition(" is not answered by the loopback")[0] for line in caplog.messages]
-    assert lines == [command] * named
+    assert lines == [name] * named
     bench.run(1.0)
     assert bench.state.gimbal_pitch_rad == pytest.approx(-0.5, abs=0.01)
 

@@ -30,9 +30,7 @@ from uav_bt.protocols import Drone
         (SphinxConfig, "drone.lab:45000", "drone.lab", 45000),
     ],
 )
-def test_an_address_is_a_host_and_perhaps_a_port(
-    kind: Any, address: str | None, host: str, port: int
-) -> None:
+def test_a_port_is_optional(kind: Any, address: str | None, host: str, port: int) -> None:
     made = kind(address=address)
     assert (made.host, made.discovery_port) == (host, port)
     assert isinstance(made.create(), Drone)
@@ -100,9 +98,7 @@ def test_nobody_at_the_address_is_an_error_with_advice(
         probed(config(**given))
 
 
-def test_a_missing_sdk_is_reported_with_its_remedy_before_the_drone_is_looked_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_sdk_is_reported_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "olympe", None)
     drone = OlympeDrone(config(), probe_first=lambda _: pytest.fail("looked for the drone"))
     with pytest.raises(MissingDependencyError, match=r"Parrot's SDK .*docs/anafi\.md"):
@@ -128,19 +124,19 @@ def test_the_sdk_logs_through_our_loggers_at_a_lower_level(
 
 
 @pytest.mark.parametrize(
-    ("remote", "drone", "address"),
+    ("remote", "proxy", "address"),
     [
-        (False, {"http_proxy": ("127.0.0.9", 1234)}, ("127.0.0.1", 8080)),
-        (True, {"http_proxy": ("127.0.0.9", 1234)}, ("127.0.0.9", 1234)),
-        (True, {"http_proxy": (None, None)}, ("127.0.0.1", 8180)),
-        (True, {}, ("127.0.0.1", 8180)),
+        (False, {"address": "127.0.0.9", "port": 1234}, ("127.0.0.1", 8080)),
+        (True, {"address": "127.0.0.9", "port": 1234}, ("127.0.0.9", 1234)),
+        (True, {"address": None, "port": None}, ("127.0.0.1", 8180)),
+        (True, None, ("127.0.0.1", 8180)),
     ],
 )
-def test_the_web_server_behind_a_remote_control_is_at_the_proxy(
-    *, remote: bool, drone: dict[str, Any], address: tuple[str, int]
+def test_behind_a_remote_control_the_web_server_is_at_the_proxy(
+    *, remote: bool, proxy: dict[str, Any] | None, address: tuple[str, int]
 ) -> None:
-    proxies = {
-        name: SimpleNamespace(address=host, port=port) for name, (host, port) in drone.items()
-    }
+    drone = SimpleNamespace()
+    if proxy is not None:
+        drone.http_proxy = SimpleNamespace(**proxy)
     sdk, where = FakeWorld().sdk(), config(http_port=8080)
-    assert sdk.web_address(SimpleNamespace(**proxies), where, remote=remote) == address
+    assert sdk.web_address(drone, where, remote=remote) == address

@@ -79,9 +79,7 @@ FAULTS = TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledE
         *((FakeWorld((8, 5, 0), video_fault=fault), NO_VIDEO) for fault in FAULTS),
     ],
 )
-def test_a_drone_that_refuses_or_sends_no_video_is_disconnected(
-    world: FakeWorld, message: str
-) -> None:
+def test_a_drone_that_refuses_is_disconnected(world: FakeWorld, message: str) -> None:
     flight = Flight(world, connect=False)
     with pytest.raises(DroneError, match=message):
         flight.drone.connect()
@@ -330,9 +328,7 @@ def test_a_remote_control_without_its_drone_is_heard_but_not_the_drone() -> None
     assert (state.connected, state.lost) == (False, False)  # the remote control may reconnect
 
 
-def test_a_remote_control_without_a_drone_is_reported_before_video_is_requested(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_remote_control_needs_a_drone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link, "BEHIND_LIMIT_S", 0.01)
     flight = Flight(remote=True, connect=False)
     with pytest.raises(DroneError, match="no drone is connected to it: switch the drone on"):

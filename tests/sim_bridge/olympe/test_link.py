@@ -21,7 +21,6 @@ from tests.sim_bridge.olympe.fake_olympe import (
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     CutMotors,
-    Hover,
     Land,
     MoveBy,
     Movement,
@@ -85,9 +84,7 @@ def test_a_landing_overtakes_what_would_move_the_drone() -> None:
 @pytest.mark.parametrize(
     ("job", "message"), [(refused, "does not land"), (cancelled, "gave up: CancelledError")]
 )
-def test_an_error_is_raised_with_the_next_command_which_is_still_carried_out(
-    job: Callable[[], None], message: str
-) -> None:
+def test_the_next_command_raises_an_error(job: Callable[[], None], message: str) -> None:
     commands, landed = CommandQueue(), threading.Event()
     commands.submit(Kind.MOVE, job)
     assert commands.run(lambda: None, PATIENCE_S)
@@ -99,9 +96,7 @@ def test_an_error_is_raised_with_the_next_command_which_is_still_carried_out(
         commands.submit(Kind.END, landed.set)
 
 
-def test_of_several_errors_the_first_is_raised_and_the_others_are_logged(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_the_other_errors_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     blocked = Blocked()
     blocked.queue.submit(Kind.MOVE, lambda: int("no number"))
     blocked.queue.submit(Kind.MOVE, refused)
@@ -118,9 +113,7 @@ def test_of_several_errors_the_first_is_raised_and_the_others_are_logged(
     assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 3
 
 
-def test_a_job_is_waited_for_and_one_that_takes_too_long_is_finished_later(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_job_that_takes_too_long_is_finished_later(caplog: pytest.LogCaptureFixture) -> None:
     go, begun, after = threading.Event(), threading.Event(), threading.Event()
     commands = CommandQueue()
     with pytest.raises(DroneError, match="it does not land"):
@@ -156,17 +149,6 @@ def called(flight: Flight) -> list[str]:
     (thread,) = {thread for _, thread in flight.sdk.calls}
     assert thread != threading.get_ident()
     return [name for name, _ in flight.sdk.calls]
-
-
-def test_one_thread_makes_uses_and_destroys_the_object_of_the_sdk() -> None:
-    flight = Flight(threaded=True)
-    flight.play("hovering", Velocity(forward_mps=0.5))
-    assert soon(lambda: "piloting" in flight.sdk.names())
-    flight.play(MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
-    flight.drone.disconnect()
-    assert flight.world.destroyed.wait(PATIENCE_S)
-    calls = {"make", "subscribe", "connect", "send", "stop_piloting", "destroy"}
-    assert calls <= set(called(flight))
 
 
 @pytest.mark.parametrize(
@@ -219,17 +201,16 @@ def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str
 
 
 @pytest.mark.parametrize("fails", ["piloting", "send", "disconnect"])
-def test_a_step_of_disconnecting_that_fails_stops_no_other(
-    fails: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_it_disconnects_though_a_step_fails(fails: str, caplog: pytest.LogCaptureFixture) -> None:
     flight = Flight(threaded=True)
-    flight.play("hovering", Velocity(forward_mps=0.5))
+    flight.play("hovering", MoveBy(id=1, forward_m=0.3), Velocity(forward_mps=0.5))
     assert soon(lambda: "piloting" in flight.sdk.names())
     flight.world.fails = fails
     flight.drone.disconnect()
     assert flight.world.destroyed.wait(PATIENCE_S)
     assert "failed: TimeoutError: no answer" in caplog.text
-    assert {"send", "disconnect", "destroy"} <= set(called(flight))
+    calls = {"make", "subscribe", "connect", "send", "disconnect", "destroy"}
+    assert calls <= set(called(flight))
 
 
 def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:

@@ -60,22 +60,19 @@ def test_events_become_a_state() -> None:
     assert (state.connected, state.lost) == (False, True)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("landed", FlyingState.LANDED),
-        ("motor_ramping", FlyingState.TAKING_OFF),
-        ("takingoff", FlyingState.TAKING_OFF),
-        ("hovering", FlyingState.HOVERING),
-        ("landing", FlyingState.LANDING),
-        ("emergency_landing", FlyingState.LANDING),
-        ("emergency", FlyingState.EMERGENCY),
-    ],
-)
-def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
+def test_every_flying_state_is_known() -> None:
     flight = Flight()
-    flight.play(name)
-    assert flight.state.flying is expected
+    for name, expected in {
+        "motor_ramping": FlyingState.TAKING_OFF,
+        "landed": FlyingState.LANDED,
+        "takingoff": FlyingState.TAKING_OFF,
+        "hovering": FlyingState.HOVERING,
+        "landing": FlyingState.LANDING,
+        "emergency": FlyingState.EMERGENCY,
+        "emergency_landing": FlyingState.LANDING,
+    }.items():
+        flight.play(name)
+        assert flight.state.flying is expected, name
 
 
 def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
@@ -88,7 +85,8 @@ def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
         flight.play("hovering")
     flight.play(MoveBy(id=1, forward_m=0.3))
     state = flight.state
-    assert (state.captured_s, state.times.gimbal_s) == (0.0, pytest.approx(10.0))
+    assert state.captured_s == 0.0
+    assert state.times.gimbal_s == pytest.approx(10.0)
     flight.sdk.measures()
     assert flight.state.captured_s == pytest.approx(10.0)
 
@@ -277,11 +275,7 @@ def test_colours_come_back() -> None:
         # A delayed frame keeps its time.
         [(10.0, "camera", 1.0, 9.9), (10.3, "camera", 1.1, 10.0), (10.31, "camera", 1.3, 10.2)],
         # Two clocks are independent.
-        [
-            (10.0, "stream", 5e3, 9.9),
-            (10.1, "camera", 1.0, 10.0),
-            (10.2, "stream", 5e3 + 0.2, 10.1),
-        ],
+        [(10.0, "stream", 5.0, 9.9), (10.1, "camera", 1.0, 10.0), (10.2, "stream", 5.2, 10.1)],
         # A clock that was set back is a new one.
         [(10.0, "camera", 900.0, 9.9), (10.1, "camera", 0.005, 10.0)],
         [(10.0, None, 0.0, 9.9)],
@@ -298,9 +292,7 @@ def test_capture_times_are_those_of_the_fastest_frame(frames: list[Any]) -> None
     ("arrived", "seen", "waits_s"),
     [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)],
 )
-def test_a_tick_waits_for_its_time_and_a_little_for_a_new_frame(
-    *, arrived: bool, seen: bool, waits_s: float
-) -> None:
+def test_a_tick_waits_for_a_frame(*, arrived: bool, seen: bool, waits_s: float) -> None:
     clock = FrameClock()
     if arrived:
         clock.frame_arrived()
@@ -344,9 +336,7 @@ def test_sticks_stay_within_a_hundred_percent(order: Velocity, measured: float) 
 
 
 @pytest.mark.parametrize(("speed_mps", "brakes"), [(0.0, False), (0.05, False), (0.5, True)])
-def test_a_drone_without_an_order_brakes_and_then_holds_its_position_itself(
-    speed_mps: float, *, brakes: bool
-) -> None:
+def test_without_an_order_a_drone_brakes(speed_mps: float, *, brakes: bool) -> None:
     measured = BodyVelocity(forward_mps=speed_mps)
     sticks = SpeedHolder(config()).sticks(Velocity(), measured, 0.0, FULL)
     assert (sticks.pitch < 0) is brakes

@@ -68,9 +68,7 @@ class Flown(Flight):
         (None, ["photo", "take_photo", "take_photo"]),  # an unknown mode is not restored
     ],
 )
-def test_the_camera_changes_its_mode_takes_photographs_and_changes_back(
-    mode: str | None, commands: list[str]
-) -> None:
+def test_the_camera_changes_its_mode(mode: str | None, commands: list[str]) -> None:
     flown = Flown(mode)
     for _ in range(2):
         number = flown.stills.take_still()
@@ -123,9 +121,7 @@ SINGLE = {"mode": "single", "file_format": "dng_jpeg"}
         (CHOICE, {"file_format": "dng"}, "the camera is set to 'dng': choose JPEG"),
     ],
 )
-def test_without_a_usable_card_or_by_another_choice_of_the_pilot_nothing_is_sent(
-    event: str, values: dict[str, str], reason: str
-) -> None:
+def test_what_forbids_photographs(event: str, values: dict[str, str], reason: str) -> None:
     flown, usual = Flown(), {CARD: READY, CHOICE: SINGLE}
     flown.sdk.event(event, **usual[event] | values)
     assert flown.taken().reason.startswith(reason)

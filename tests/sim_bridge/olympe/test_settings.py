@@ -21,6 +21,11 @@ from tests.sim_bridge.olympe.fake_olympe import (
 from uav_bt.types import TakeOff
 
 
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
+
+
 def test_former_values_are_restored_where_the_flight_changed_them() -> None:
     flight = Flight(FakeWorld(firmware="1.8.2"), return_home=False)
     flight.play(TakeOff())
@@ -42,9 +47,7 @@ def test_settings_that_the_flight_did_not_change_are_not_sent() -> None:
         assert not unsent & {name for name, _ in flight.sdk.sent}
 
 
-def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_an_unconfirmed_limit_is_a_warning_once(caplog: pytest.LogCaptureFixture) -> None:
     # Some firmware lacks banked turns.
     flight = Flight(FakeWorld(firmware="1.8.2", refused={MAX_TILT, BANKED_TURN}))
     assert flight.play(TakeOff())[-1] == "TakeOff"  # nothing waits for an answer
@@ -59,9 +62,7 @@ def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
     ]
 
 
-def test_a_late_report_is_waited_for_before_anything_is_changed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_late_report_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "LIMIT_S", PATIENCE_S)
     event = SETTINGS[MAX_TILT][0]
     later = threading.Timer(0.05, lambda: world.made[0].event(event, current=15.0))
@@ -74,6 +75,7 @@ def test_a_late_report_is_waited_for_before_anything_is_changed(
     assert time.monotonic() - began_s < PATIENCE_S
 
 
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize(
     ("unreported", "gone", "names"),
     [
@@ -84,14 +86,8 @@ def test_a_late_report_is_waited_for_before_anything_is_changed(
     ],
 )
 def test_settings_that_cannot_be_restored_are_named(
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-    *,
-    unreported: set[str],
-    gone: bool,
-    names: str,
+    caplog: pytest.LogCaptureFixture, unreported: set[str], names: str, *, gone: bool
 ) -> None:
-    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
     flight = Flight(FakeWorld(unreported=unreported, refused=unreported & {BANKED_TURN}))
     flight.play(TakeOff())
     flight.sdk.sent.clear()
@@ -103,10 +99,8 @@ def test_settings_that_cannot_be_restored_are_named(
     assert restored == (set() if gone else set(SETTINGS) - unreported - {RETURN_HOME})
 
 
-def test_a_setting_that_is_not_restored_is_a_warning(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
+@pytest.mark.usefixtures("hurried")
+def test_a_setting_that_is_not_restored_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     flight = Flight()
     flight.play(TakeOff())
     flight.world.refused = {MAX_TILT}
