@@ -64,7 +64,7 @@ def test_the_sticks_fly_until_they_are_centred_or_expire(bench: Bench, *, centre
     assert bench.flying_states() == ["flying", "hovering"]
 
 
-def test_roll_and_pitch_take_the_flag_and_all_sticks_a_flight(bench: Bench) -> None:
+def test_sticks_need_a_flight_and_roll_and_pitch_the_flag(bench: Bench) -> None:
     bench.sticks(1.0, flag=0, roll=50, pitch=50, yaw=100)
     assert speed_mps(bench) == pytest.approx(0.0, abs=0.01)
     assert bench.state.attitude.yaw_rad > 0.3
