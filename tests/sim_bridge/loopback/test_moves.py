@@ -8,14 +8,7 @@ from typing import Any
 import pytest
 
 from sim_bridge.loopback.world import location
-from tests.sim_bridge.loopback.loopback_world import (
-    Bench,
-    Order,
-    Step,
-    full_name,
-    move_by,
-    sticks,
-)
+from tests.sim_bridge.loopback.loopback_world import Bench, Order, Step, full_name, move_by, sticks
 from uav_bt.types import FlyingState
 
 UP, DOWN = FlyingState.HOVERING, FlyingState.LANDED

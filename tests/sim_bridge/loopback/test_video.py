@@ -295,10 +295,7 @@ async def test_a_slow_client_goes_on_by_a_key_frame(monkeypatch: pytest.MonkeyPa
 async def test_only_new_frames_are_sent() -> None:
     """Old, repeated and missing frames are skipped."""
     frames = iter([None, frame_at(5.0), frame_at(5.0), frame_at(4.0), None])
-    async with (
-        serving(lambda: next(frames, frame_at(6.0))) as server,
-        visiting(server) as client,
-    ):
+    async with serving(lambda: next(frames, frame_at(6.0))) as server, visiting(server) as client:
         await client.play()
         first, second = await client.picture(), await client.picture()
         assert (second[0].stamp - first[0].stamp) % 2**32 == 90_000

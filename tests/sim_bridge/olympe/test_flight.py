@@ -111,10 +111,7 @@ def test_an_unconnected_drone_says_so() -> None:
         # A take-off and a landing are repeated while they have no effect.
         ([TakeOff(), 0.6, TakeOff(), 0.6, TakeOff()], [*LIMITS, "TakeOff", "TakeOff"]),
         ([TakeOff(), "motor_ramping", 5.0, TakeOff()], [*LIMITS, "TakeOff"]),
-        (
-            ["hovering", Land(), Land(), 1.5, Land(), "landing", 1.5, Land()],
-            ["Landing", "Landing"],
-        ),
+        (["hovering", Land(), Land(), 1.5, Land(), "landing", 1.5, Land()], ["Landing", "Landing"]),
         (["hovering", CutMotors()], ["Emergency"]),
         # On the ground no sticks are held.
         ([Velocity(forward_mps=0.5)], []),

@@ -11,22 +11,9 @@ import pytest
 
 from sim_bridge.olympe import link, settings
 from sim_bridge.olympe.commands import CommandQueue, Kind
-from tests.sim_bridge.olympe.fake_olympe import (
-    PATIENCE_S,
-    SETTINGS,
-    STATE,
-    FakeWorld,
-    Flight,
-)
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, SETTINGS, STATE, FakeWorld, Flight
 from uav_bt.errors import DroneError
-from uav_bt.types import (
-    CutMotors,
-    Land,
-    MoveBy,
-    Movement,
-    Release,
-    Velocity,
-)
+from uav_bt.types import CutMotors, Land, MoveBy, Movement, Release, Velocity
 
 # --- the queue ------------------------------------------------------------------------------------
 

@@ -284,8 +284,7 @@ def test_capture_times_are_those_of_the_fastest_frame(frames: list[Any]) -> None
 
 
 @pytest.mark.parametrize(
-    ("arrived", "seen", "waits_s"),
-    [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)],
+    ("arrived", "seen", "waits_s"), [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)]
 )
 def test_a_tick_waits_for_a_frame(*, arrived: bool, seen: bool, waits_s: float) -> None:
     clock = FrameClock()
