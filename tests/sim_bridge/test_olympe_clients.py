@@ -90,35 +90,35 @@ def prints(program: subprocess.Popen[str], line: str) -> None:
 @pytest.mark.parametrize("script", programs(), ids=lambda script: script.stem)
 def test_a_program_flies(script: Path, tmp_path: Path) -> None:
     options = ["--skycontroller"] if script.stem == "skycontroller" else []
-    with served("127.0.2.1", *options):
-        finish(start(script, "127.0.2.1", tmp_path))
+    with served("127.0.5.1", *options):
+        finish(start(script, "127.0.5.1", tmp_path))
 
 
 def test_three_drones_fly_at_once() -> None:
-    first, second, third = addresses = [f"127.0.2.{number}" for number in (2, 3, 4)]
+    first, second, third = addresses = [f"127.0.5.{number}" for number in (2, 3, 4)]
     with served(first), served(second), served(third), ThreadPoolExecutor() as pool:
         list(pool.map(lambda address: finish(start(CLIENTS / "move_by.py", address)), addresses))
 
 
 def test_a_drone_whose_program_dies_hovers_and_the_next_program_lands_it() -> None:
-    with served("127.0.2.5"):
-        program = start(FAULTS / "flies_on.py", "127.0.2.5")
+    with served("127.0.5.5"):
+        program = start(FAULTS / "flies_on.py", "127.0.5.5")
         prints(program, "flying")
         program.kill()
         program.communicate()
-        finish(start(FAULTS / "lands_it.py", "127.0.2.5"))
+        finish(start(FAULTS / "lands_it.py", "127.0.5.5"))
 
 
 def test_a_program_whose_drone_dies_finds_the_next_one() -> None:
-    program = start(FAULTS / "is_left.py", "127.0.2.6")
+    program = start(FAULTS / "is_left.py", "127.0.5.6")
     assert program.stdin is not None
-    with served("127.0.2.6") as server:
+    with served("127.0.5.6") as server:
         prints(program, "flying")
         server.kill()
     program.stdin.write("\n")
     program.stdin.flush()
     prints(program, "left")
-    with served("127.0.2.6"):
+    with served("127.0.5.6"):
         finish(program, "\n")
 
 
@@ -129,8 +129,8 @@ def test_a_program_whose_drone_dies_finds_the_next_one() -> None:
 )
 def test_a_network_that_loses_doubles_and_delays_loses_no_order(script: Path) -> None:
     async def fly() -> None:
-        async with lossy("127.0.2.8", "127.0.2.7", seed=0):
-            await asyncio.to_thread(finish, start(script, "127.0.2.8"))
+        async with lossy("127.0.5.8", "127.0.5.7", seed=0):
+            await asyncio.to_thread(finish, start(script, "127.0.5.8"))
 
-    with served("127.0.2.7"):
+    with served("127.0.5.7"):
         asyncio.run(fly())
