@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import json
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from functools import wraps
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,23 +21,6 @@ HOST = "127.0.0.1"
 PATIENCE_S = 60.0  # timeout of a test, also on a busy machine, s
 FREE = Ports(discovery=0, control=0, commands=0, http=0, rtsp=0)
 POLL_S = 0.1
-
-
-def asynchronous(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run the coroutine of a test, with a timeout; no task may fail unseen."""
-
-    async def watched(*args: Any, **values: Any) -> None:
-        faults: list[Any] = []
-        asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
-        await asyncio.wait_for(test(*args, **values), PATIENCE_S)
-        gc.collect()  # asyncio tells of a fault when its task is freed
-        assert faults == []
-
-    @wraps(test)
-    def run(*args: Any, **values: Any) -> None:
-        asyncio.run(watched(*args, **values))
-
-    return run
 
 
 @asynccontextmanager

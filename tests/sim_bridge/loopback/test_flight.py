@@ -13,13 +13,6 @@ from uav_bt.types import FlyingState
 UP, DOWN = FlyingState.HOVERING, FlyingState.LANDED
 
 
-@pytest.fixture
-def bench() -> Bench:
-    bench = Bench()
-    bench.fly()
-    return bench
-
-
 def speed_mps(bench: Bench) -> float:
     return math.hypot(bench.state.velocity.forward_mps, bench.state.velocity.right_mps)
 
@@ -49,54 +42,54 @@ def test_a_flight_goes_through_the_firmwares_states(steps: list[Step], states: l
 
 
 @pytest.mark.parametrize("centred", [True, False])
-def test_the_sticks_fly_until_they_are_centred_or_expire(bench: Bench, *, centred: bool) -> None:
-    bench.sticks(0.3, pitch=50)
-    going = speed_mps(bench)
+def test_the_sticks_fly_until_they_are_centred_or_expire(flown: Bench, *, centred: bool) -> None:
+    flown.sticks(0.3, pitch=50)
+    going = speed_mps(flown)
     assert going > 0.1
     if centred:
-        bench.sticks(0.1)
+        flown.sticks(0.1)
     else:
-        bench.run(EXPIRY_S - 0.2)
-        assert bench.flying_states() == ["flying"]
-    bench.run(EXPIRY_S)
-    assert speed_mps(bench) < going
-    bench.run(2.0)
-    assert bench.flying_states() == ["flying", "hovering"]
+        flown.run(EXPIRY_S - 0.2)
+        assert flown.flying_states() == ["flying"]
+    flown.run(EXPIRY_S)
+    assert speed_mps(flown) < going
+    flown.run(2.0)
+    assert flown.flying_states() == ["flying", "hovering"]
 
 
-def test_sticks_need_a_flight_and_roll_and_pitch_the_flag(bench: Bench) -> None:
-    bench.sticks(1.0, flag=0, roll=50, pitch=50, yaw=100)
-    assert speed_mps(bench) == pytest.approx(0.0, abs=0.01)
-    assert bench.state.attitude.yaw_rad > 0.3
+def test_sticks_need_a_flight_and_roll_and_pitch_the_flag(flown: Bench) -> None:
+    flown.sticks(1.0, flag=0, roll=50, pitch=50, yaw=100)
+    assert speed_mps(flown) == pytest.approx(0.0, abs=0.01)
+    assert flown.state.attitude.yaw_rad > 0.3
     landed = Bench()
     landed.sticks(1.0, pitch=50, gaz=50)
     assert landed.state.flying is DOWN
     assert (landed.state.north_m, landed.state.altitude_m) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_a_tilt_accelerates_until_drag_ends_it(bench: Bench) -> None:
-    bench.send("MaxTilt", current=5.0)
-    bench.sticks(1.0, pitch=100)
-    assert 0.5 < speed_mps(bench) < 0.86  # without drag, g tan(5 degrees) gives 0.86 m/s
-    bench.sticks(20.0, pitch=100)
-    assert speed_mps(bench) == pytest.approx(1.56, abs=0.02)
+def test_a_tilt_accelerates_until_drag_ends_it(flown: Bench) -> None:
+    flown.send("MaxTilt", current=5.0)
+    flown.sticks(1.0, pitch=100)
+    assert 0.5 < speed_mps(flown) < 0.86  # without drag, g tan(5 degrees) gives 0.86 m/s
+    flown.sticks(20.0, pitch=100)
+    assert speed_mps(flown) == pytest.approx(1.56, abs=0.02)
 
 
-def test_sticks_are_shares_of_what_is_set_within_what_the_body_can_do(bench: Bench) -> None:
+def test_sticks_are_shares_of_what_is_set_within_what_the_body_can_do(flown: Bench) -> None:
     for setting, value in (
         ("MaxTilt", 40.0),
         ("MaxVerticalSpeed", 0.4),
         ("MaxRotationSpeed", 30.0),
     ):
-        bench.send(setting, current=value)
-    bench.sticks(5.0, gaz=50, yaw=-100)
-    assert bench.state.velocity.down_mps == pytest.approx(-0.2, abs=0.02)
-    before = bench.state.turned_rad
-    bench.sticks(1.0, gaz=50, yaw=-100)
-    assert bench.state.turned_rad - before == pytest.approx(-math.radians(30.0), abs=0.02)
-    bench.sticks(20.0, pitch=100, roll=-100)
-    assert speed_mps(bench) == pytest.approx(4.0, abs=0.05)
-    assert bench.state.velocity.right_mps == pytest.approx(-2.83, abs=0.05)
+        flown.send(setting, current=value)
+    flown.sticks(5.0, gaz=50, yaw=-100)
+    assert flown.state.velocity.down_mps == pytest.approx(-0.2, abs=0.02)
+    before = flown.state.turned_rad
+    flown.sticks(1.0, gaz=50, yaw=-100)
+    assert flown.state.turned_rad - before == pytest.approx(-math.radians(30.0), abs=0.02)
+    flown.sticks(20.0, pitch=100, roll=-100)
+    assert speed_mps(flown) == pytest.approx(4.0, abs=0.05)
+    assert flown.state.velocity.right_mps == pytest.approx(-2.83, abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from sim_bridge.loopback import media as media_module
 from sim_bridge.loopback.media import Card, MediaStore, Photo, Photographer
 from sim_bridge.loopback.world import Location
 from sim_bridge.olympe.media import fetch_photo
-from tests.sim_bridge.loopback.loopback_client import HOST, PATIENCE_S, asynchronous, serving
+from tests.sim_bridge.loopback.loopback_client import HOST, PATIENCE_S, serving
 from tests.sim_bridge.loopback.video_client import FRAME, assert_quadrants
 from uav_bt.errors import DroneError
 
@@ -41,7 +41,6 @@ async def ask(port: int, path: str, method: str = "GET") -> tuple[str, str, byte
     return status.partition(" ")[2], fields["Content-Type"], body
 
 
-@asynchronous
 async def test_a_photograph_is_listed_and_fetched_and_there_is_nothing_else() -> None:
     media = MediaStore()
     media_id = media.add(PHOTO)
@@ -74,7 +73,6 @@ async def test_a_photograph_is_listed_and_fetched_and_there_is_nothing_else() ->
             assert (status, "error" in json.loads(body)) == (refusal, True), path
 
 
-@asynchronous
 async def test_a_client_that_listens_hears_of_new_photographs_until_it_closes() -> None:
     """The handshake is the example of RFC 6455; messages of a client are masked."""
     media = MediaStore()

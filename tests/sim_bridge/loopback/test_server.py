@@ -16,7 +16,7 @@ from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.handshake import Ports, PortTakenError
 from sim_bridge.loopback.link import FrameType, WireFrame, pack
 from sim_bridge.loopback.server import LoopbackServer
-from tests.sim_bridge.loopback.loopback_client import FREE, HOST, Client, asynchronous, serving
+from tests.sim_bridge.loopback.loopback_client import FREE, HOST, Client, serving
 from tests.sim_bridge.loopback.loopback_world import Bench, full_name, move_by
 from uav_bt.errors import DroneError
 from uav_bt.types import FlyingState
@@ -49,7 +49,6 @@ async def connected(server: LoopbackServer | LoopbackDrone) -> Client:
     return client
 
 
-@asynchronous
 async def test_only_the_client_that_connected_flies_and_lands() -> None:
     async with serving(fast()) as server:
         client = await connected(server)
@@ -70,7 +69,6 @@ async def test_only_the_client_that_connected_flies_and_lands() -> None:
         client.close()
 
 
-@asynchronous
 async def test_clients_come_and_go_one_at_a_time() -> None:
     async with serving(fast()) as server:
         (await connected(server)).close()
@@ -85,7 +83,6 @@ async def test_clients_come_and_go_one_at_a_time() -> None:
         dies.discovery.close()
 
 
-@asynchronous
 async def test_garbage_on_every_port_is_survived() -> None:
     random = Random(7)  # noqa: S311 - not for secrets
     async with serving(fast()) as server:
@@ -106,7 +103,6 @@ def request(**changes: Any) -> bytes:
     return json.dumps(asked | changes).encode()
 
 
-@asynchronous
 async def test_only_a_request_for_a_link_is_answered() -> None:
     cases = {
         **{request() + end: True for end in (b"", b"\0", b"\n")},
@@ -124,7 +120,6 @@ async def test_only_a_request_for_a_link_is_answered() -> None:
             assert not answer or json.loads(answer[:-1])["c2d_port"] == server.ports.commands
 
 
-@asynchronous
 async def test_a_port_that_cannot_be_bound_is_one_clear_error() -> None:
     with socket.create_server((HOST, 0)) as taken:
         port = taken.getsockname()[1]
@@ -148,7 +143,6 @@ FAILURE = r"firmware failed \(ValueError: not finite\).* landed"
         ("handle", ValueError("not finite"), FAILURE),
     ],
 )
-@asynchronous
 async def test_a_failure_ends_the_service_with_a_message_and_a_landing(
     monkeypatch: pytest.MonkeyPatch, of: str, error: Exception, message: str
 ) -> None:

@@ -15,12 +15,6 @@ from sim_bridge.olympe.orders import point
 from tests.sim_bridge.loopback.loopback_world import Bench, Order, full_name, move_by
 from uav_bt.types import FlyingState
 
-
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
 # --- states and settings --------------------------------------------------------------------------
 
 

@@ -14,7 +14,7 @@ import pytest
 from sim_bridge.loopback import video
 from sim_bridge.loopback.encoder import nal_type
 from sim_bridge.loopback.metadata import VideoFrame, timed_metadata
-from tests.sim_bridge.loopback.loopback_client import HOST, asynchronous
+from tests.sim_bridge.loopback.loopback_client import HOST
 from tests.sim_bridge.loopback.video_client import (
     BYE,
     NOW_S,
@@ -40,7 +40,6 @@ def kinds(packets: list[RtpPacket]) -> list[int]:
 
 
 @pytest.mark.parametrize("way", ["udp", "tcp"])
-@asynchronous
 async def test_ffmpeg_plays_it(way: str) -> None:
     def watch(url: str) -> list[Any]:
         options = {"rtsp_transport": way, "analyzeduration": "0", "fpsprobesize": "0"}
@@ -54,7 +53,6 @@ async def test_ffmpeg_plays_it(way: str) -> None:
             assert_quadrants(image)
 
 
-@asynchronous
 async def test_a_frame_carries_its_metadata_and_a_report_the_drones_time() -> None:
     async with serving() as server, visiting(server) as client:
         assert "PLAY" in (await client.ask("OPTIONS", "*")).headers["public"]
@@ -73,7 +71,6 @@ async def test_a_frame_carries_its_metadata_and_a_report_the_drones_time() -> No
         assert (channel, reported_s) == (1, pytest.approx(shown.captured_s, abs=1e-4))
 
 
-@asynchronous
 async def test_the_client_is_told_what_the_stream_is() -> None:
     """The order is that of RFC 8866; Olympe finds the medium by its name and refuses a range."""
     async with serving(media_name="DefaultVideo") as server, visiting(server) as client:
@@ -87,7 +84,6 @@ async def test_the_client_is_told_what_the_stream_is() -> None:
     assert "a=range" not in described.body
 
 
-@asynchronous
 async def test_udp_packets_come_from_the_ports_that_the_answer_names() -> None:
     """They go to the client only, whatever destination it asks for."""
     heard: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
@@ -123,7 +119,6 @@ async def at_rest(source: Pictures) -> None:
         await asyncio.sleep(0.1)
 
 
-@asynchronous
 async def test_frames_are_fetched_only_while_a_client_plays() -> None:
     """A paused client goes on by a key frame, with the next sequence number."""
     source = Pictures()
@@ -151,7 +146,6 @@ async def test_frames_are_fetched_only_while_a_client_plays() -> None:
         assert server.video.streamer.stats().frames_encoded == source.asked
 
 
-@asynchronous
 async def test_a_wrong_request_gets_one_clear_refusal() -> None:
     async with serving() as server, visiting(server) as client, visiting(server) as other:
         for status, method, url, headers in (
@@ -193,7 +187,6 @@ async def test_a_wrong_request_gets_one_clear_refusal() -> None:
         b"",
     ],
 )
-@asynchronous
 async def test_garbage_on_the_port_does_no_harm(garbage: bytes) -> None:
     """Its sender is refused; a playing client continues, also one that sends reports."""
     async with serving() as server, visiting(server) as watching:
@@ -209,7 +202,6 @@ async def test_garbage_on_the_port_does_no_harm(garbage: bytes) -> None:
         assert (await watching.ask("GET_PARAMETER")).status == 200
 
 
-@asynchronous
 async def test_a_silent_client_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving() as server, visiting(server) as client:
         await client.play()
@@ -218,7 +210,6 @@ async def test_a_silent_client_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> 
         assert await client.goodbye()
 
 
-@asynchronous
 async def test_a_source_that_fails_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     def broken() -> VideoFrame:
         raise RuntimeError("no camera")
@@ -232,7 +223,6 @@ async def test_a_source_that_fails_is_reported(caplog: pytest.LogCaptureFixture)
     assert "its source or its encoder failed" in caplog.text
 
 
-@asynchronous
 async def test_closing_says_goodbye_and_finishes_the_source() -> None:
     """The source is asked and finished on one thread of its own."""
     asked, finished = list[int](), list[int]()
@@ -253,7 +243,6 @@ async def test_closing_says_goodbye_and_finishes_the_source() -> None:
     assert {*asked} == {thread} != {threading.get_ident()}
 
 
-@asynchronous
 async def test_clients_share_the_frames_and_each_begins_with_a_key_frame() -> None:
     source = Pictures()
     async with (
@@ -276,7 +265,6 @@ async def test_clients_share_the_frames_and_each_begins_with_a_key_frame() -> No
         assert stats.rate_hz > 0.0
 
 
-@asynchronous
 async def test_a_slow_client_goes_on_by_a_key_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving() as server, visiting(server) as client:
         await client.play()
@@ -291,7 +279,6 @@ async def test_a_slow_client_goes_on_by_a_key_frame(monkeypatch: pytest.MonkeyPa
         assert kinds(packets)[:2] == KEY
 
 
-@asynchronous
 async def test_only_new_frames_are_sent() -> None:
     """Old, repeated and missing frames are skipped."""
     frames = iter([None, frame_at(5.0), frame_at(5.0), frame_at(4.0), None])

@@ -226,7 +226,8 @@ class InTurn:
     def submit(self, _kind: object, job: Callable[[], object]) -> None:
         job()
 
-    def run(self, job: Callable[[], object], _limit_s: float) -> bool:
+    def run(self, job: Callable[[], object], limit_s: float) -> bool:
+        assert limit_s > 0.0
         job()
         return True
 
