@@ -6,8 +6,6 @@ import asyncio
 import hashlib
 import json
 import threading
-from contextlib import AbstractAsyncContextManager
-from functools import partial
 from typing import Any
 
 import cv2
@@ -16,17 +14,10 @@ import pytest
 
 from sim_bridge.loopback import media as media_module
 from sim_bridge.loopback.media import Card, MediaStore, Photo, Photographer
-from sim_bridge.loopback.web import serve_web
 from sim_bridge.loopback.world import Location
 from sim_bridge.olympe.media import fetch_photo
-from tests.sim_bridge.loopback.video_client import (
-    FRAME,
-    HOST,
-    PATIENCE_S,
-    assert_quadrants,
-    asynchronous,
-    listening,
-)
+from tests.sim_bridge.loopback.loopback_client import HOST, PATIENCE_S, serving
+from tests.sim_bridge.loopback.video_client import FRAME, assert_quadrants
 from uav_bt.errors import DroneError
 
 MEDIAS = "/api/v1/media/medias"
@@ -37,11 +28,6 @@ PHOTO = Photo(
     taken_utc_s=1_529_154_916.0,
     location=Location(latitude_deg=48.0, longitude_deg=2.0, altitude_m=40.0),
 )
-
-
-def serving(media: MediaStore) -> AbstractAsyncContextManager[int]:
-    """Return the web interface, whose port is yielded."""
-    return listening(partial(serve_web, media))
 
 
 async def ask(port: int, path: str, method: str = "GET") -> tuple[str, str, bytes]:
@@ -55,11 +41,11 @@ async def ask(port: int, path: str, method: str = "GET") -> tuple[str, str, byte
     return status.partition(" ")[2], fields["Content-Type"], body
 
 
-@asynchronous
-async def test_a_photograph_is_listed_and_fetched() -> None:
+async def test_a_photograph_is_listed_and_fetched_and_there_is_nothing_else() -> None:
     media = MediaStore()
     media_id = media.add(PHOTO)
-    async with serving(media) as port:
+    async with serving(media=media) as server:
+        port = server.ports.http
         status, kind, body = await ask(port, MEDIAS)
         assert (status, kind) == ("200 OK", "application/json")
         (medium,) = json.loads(body)
@@ -76,34 +62,22 @@ async def test_a_photograph_is_listed_and_fetched() -> None:
         assert await ask(port, resource["url"]) == ("200 OK", "image/jpeg", PHOTO.jpeg)
         assert (await ask(port, resource["thumbnail"]))[2] == PHOTO.thumbnail
         assert await asyncio.to_thread(fetch_photo, HOST, port, media_id, PATIENCE_S) == PHOTO.jpeg
+        for method, path, refusal in (
+            ("GET", "/data/media/100000010002.JPG", "404 Not Found"),
+            ("GET", "/data/media/../../etc/passwd", "404 Not Found"),
+            ("GET", "/data/thumb/10000001", "404 Not Found"),
+            ("GET", f"{MEDIAS}/1", "404 Not Found"),
+            ("DELETE", MEDIAS, "405 Method Not Allowed"),
+        ):
+            status, _, body = await ask(port, path, method)
+            assert (status, "error" in json.loads(body)) == (refusal, True), path
 
 
-@pytest.mark.parametrize(
-    ("method", "path", "status"),
-    [
-        ("GET", "/data/media/100000010002.JPG", "404 Not Found"),
-        ("GET", "/data/media/../../etc/passwd", "404 Not Found"),
-        ("GET", "/data/thumb/10000001", "404 Not Found"),
-        ("GET", f"{MEDIAS}/1", "404 Not Found"),
-        ("DELETE", MEDIAS, "405 Method Not Allowed"),
-    ],
-)
-@asynchronous
-async def test_there_is_nothing_else(method: str, path: str, status: str) -> None:
-    media = MediaStore()
-    media.add(PHOTO)
-    async with serving(media) as port:
-        found, _, body = await ask(port, path, method)
-    assert found == status
-    assert "error" in json.loads(body)
-
-
-@asynchronous
 async def test_a_client_that_listens_hears_of_new_photographs_until_it_closes() -> None:
     """The handshake is the example of RFC 6455; messages of a client are masked."""
     media = MediaStore()
-    async with serving(media) as port:
-        reader, writer = await asyncio.open_connection(HOST, port)
+    async with serving(media=media) as server:
+        reader, writer = await asyncio.open_connection(HOST, server.ports.http)
         writer.write(
             b"GET /api/v1/media/notifications HTTP/1.1\r\nUpgrade: websocket\r\n"
             b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
@@ -114,15 +88,12 @@ async def test_a_client_that_listens_hears_of_new_photographs_until_it_closes() 
         writer.write(b"\x89\x82\x01\x02\x03\x04" + bytes([ord("h") ^ 1, ord("i") ^ 2]))
         assert await reader.readexactly(4) == b"\x8a\x02hi"
         media.add(PHOTO)
-        for name, what, key in (
-            ("media_created", "media", "media_id"),
-            ("resource_created", "resource", "resource_id"),
-        ):
+        for what in ("media", "resource"):
             assert (await reader.readexactly(2)) == b"\x81\x7e"
             size = int.from_bytes(await reader.readexactly(2), "big")
             event = json.loads(await reader.readexactly(size))
-            assert event["name"] == name
-            assert event["data"][what][key].startswith("10000001")
+            assert event["name"] == f"{what}_created"
+            assert event["data"][what][f"{what}_id"].startswith("10000001")
         writer.write(b"\x88\x82\0\0\0\0\x03\xe8")
         assert await reader.read() == b"\x88\x02\x03\xe8"
         writer.close()
@@ -160,10 +131,7 @@ def test_a_photograph_shows_what_the_camera_sees() -> None:
     assert (photo.taken_utc_s, photo.location) == (FRAME.captured_utc_s, FRAME.location)
     assert len(threads) == 2
     assert len({*threads, threading.get_ident()}) == 2
-
-
-def test_without_an_image_there_is_no_photograph() -> None:
-    photographer = Photographer(lambda: None, lambda: None)
+    blind = Photographer(lambda: None, lambda: None)
     with pytest.raises(DroneError, match="no image yet"):
-        photographer.shoot().result(PATIENCE_S)
-    photographer.close()
+        blind.shoot().result(PATIENCE_S)
+    blind.close()

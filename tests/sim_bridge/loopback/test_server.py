@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from random import Random
 from typing import Any
 
@@ -18,26 +16,18 @@ from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.handshake import Ports, PortTakenError
 from sim_bridge.loopback.link import FrameType, WireFrame, pack
 from sim_bridge.loopback.server import LoopbackServer
-from tests.sim_bridge.loopback.loopback_client import HOST, Client
-from tests.sim_bridge.loopback.loopback_world import Bench
-from tests.sim_bridge.loopback.video_client import asynchronous
+from tests.sim_bridge.loopback.loopback_client import FREE, HOST, Client, serving
+from tests.sim_bridge.loopback.loopback_world import Bench, full_name, move_by
 from uav_bt.errors import DroneError
 from uav_bt.types import FlyingState
 
-FREE = Ports(discovery=0, control=0, commands=0, http=0, rtsp=0)
-FLYING = "ardrone3.PilotingState.FlyingStateChanged"
-MAX_TILT = ("ardrone3.PilotingSettings.MaxTilt", "ardrone3.PilotingSettingsState.MaxTiltChanged")
-TAKE_OFF = WireFrame(
-    type=FrameType.DATA,
-    buffer=10,
-    sequence=900,
-    payload=pack([encode("ardrone3.Piloting.TakeOff", {})]),
-).to_bytes()
+FLYING, MAX_TILT = "FlyingStateChanged", ("MaxTilt", "MaxTiltChanged")
+PAYLOAD = pack([encode(full_name("TakeOff"), {})])
+TAKE_OFF = WireFrame(type=FrameType.DATA, buffer=10, sequence=900, payload=PAYLOAD).to_bytes()
 
 
-@asynccontextmanager
-async def serving(ports: Ports = FREE, address: str = HOST) -> AsyncIterator[LoopbackServer]:
-    """Serve a drone whose time passes ten times faster than real time."""
+def fast() -> Anafi:
+    """Return a drone whose time passes ten times faster than real time."""
     bench = Bench()
     update = bench.anafi.update
 
@@ -48,13 +38,7 @@ async def serving(ports: Ports = FREE, address: str = HOST) -> AsyncIterator[Loo
             update()
 
     bench.anafi.update = advance  # type: ignore[method-assign]
-    server = LoopbackServer(bench.anafi, bench.media, ports=ports, address=address)
-    try:
-        await server.start()
-        yield server
-    finally:
-        await server.close()
-        await server.close()
+    return bench.anafi
 
 
 async def connected(server: LoopbackServer | LoopbackDrone) -> Client:
@@ -65,24 +49,28 @@ async def connected(server: LoopbackServer | LoopbackDrone) -> Client:
     return client
 
 
-@asynchronous
-async def test_a_client_connects_flies_and_lands() -> None:
-    async with serving() as server:
+async def test_only_the_client_that_connected_flies_and_lands() -> None:
+    async with serving(fast()) as server:
         client = await connected(server)
         assert (client.card["model.id"], client.answer["proto_v"]) == ("0x0914", 2)
-        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        before = len(client.events)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.sendto(TAKE_OFF, (HOST, server.ports.commands))
+        await asyncio.sleep(0.2)
+        await client.ask(*MAX_TILT, current=12.0)
+        assert full_name(FLYING) not in [event.name for event in client.events[before:]]
+        client.put(TAKE_OFF)
         await client.wait(FLYING, state="hovering")
-        move_by, end = "ardrone3.Piloting.moveBy", "ardrone3.PilotingEvent.moveByEnd"
-        done = await client.ask(move_by, end, dX=1.0, dY=0.0, dZ=0.0, dPsi=0.0)
+        name, values = move_by(1.0)
+        done = await client.ask(name, "moveByEnd", **values)
         assert done.values["dX"] == pytest.approx(1.0, abs=0.05)
-        await client.ask("ardrone3.Piloting.Landing", FLYING)
+        await client.ask("Landing", FLYING)
         await client.wait(FLYING, state="landed")
         client.close()
 
 
-@asynchronous
 async def test_clients_come_and_go_one_at_a_time() -> None:
-    async with serving() as server:
+    async with serving(fast()) as server:
         (await connected(server)).close()
         dies = await connected(server)
         dies.udp.close()  # killed, but its discovery connection stays open
@@ -95,25 +83,9 @@ async def test_clients_come_and_go_one_at_a_time() -> None:
         dies.discovery.close()
 
 
-@asynchronous
-async def test_only_commands_of_the_socket_that_connected_are_executed() -> None:
-    async with serving() as server:
-        client = await connected(server)
-        before = len(client.events)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            other.sendto(TAKE_OFF, (HOST, server.ports.commands))
-        await asyncio.sleep(0.2)
-        await client.ask(*MAX_TILT, current=12.0)
-        assert FLYING not in [event.name for event in client.events[before:]]
-        client.put(TAKE_OFF)
-        await client.wait(FLYING, state="hovering")
-        client.close()
-
-
-@asynchronous
 async def test_garbage_on_every_port_is_survived() -> None:
     random = Random(7)  # noqa: S311 - not for secrets
-    async with serving() as server:
+    async with serving(fast()) as server:
         client, ports = await connected(server), server.ports
         for _ in range(300):
             client.put(random.randbytes(random.randrange(60)))
@@ -122,18 +94,15 @@ async def test_garbage_on_every_port_is_survived() -> None:
                 _, writer = await asyncio.open_connection(HOST, port)
                 writer.write(random.randbytes(size))
                 writer.close()
-        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        await client.ask("TakeOff", FLYING)
         client.close()
 
 
-REQUEST = {"controller_name": "olympe", "d2c_port": 9988, "proto_v_min": 1, "proto_v_max": 3}
-
-
 def request(**changes: Any) -> bytes:
-    return json.dumps(REQUEST | changes).encode()
+    asked = {"controller_name": "olympe", "d2c_port": 9988, "proto_v_min": 1, "proto_v_max": 3}
+    return json.dumps(asked | changes).encode()
 
 
-@asynchronous
 async def test_only_a_request_for_a_link_is_answered() -> None:
     cases = {
         **{request() + end: True for end in (b"", b"\0", b"\n")},
@@ -141,7 +110,7 @@ async def test_only_a_request_for_a_link_is_answered() -> None:
         **dict.fromkeys((request(proto_v_max=1), b"{}", b"[1]\0", b"\xff\0", b"[" * 5000), False),
     }
     for data, answers in cases.items():
-        async with serving() as server:
+        async with serving(fast()) as server:
             reader, writer = await asyncio.open_connection(HOST, server.ports.control)
             writer.write(data)
             writer.write_eof()
@@ -151,38 +120,29 @@ async def test_only_a_request_for_a_link_is_answered() -> None:
             assert not answer or json.loads(answer[:-1])["c2d_port"] == server.ports.commands
 
 
-@asynchronous
 async def test_a_port_that_cannot_be_bound_is_one_clear_error() -> None:
-    with socket.socket() as taken:
-        taken.bind((HOST, 0))
-        taken.listen()
+    with socket.create_server((HOST, 0)) as taken:
         port = taken.getsockname()[1]
         for ports, address, message in (
             (FREE, "203.0.113.1", r"has no address 203\.0\.113\.1"),
             (Ports(discovery=0, control=0, commands=0, http=port), HOST, f"http port {port} of"),
         ):
             with pytest.raises(PortTakenError, match=message):
-                async with serving(ports, address):
+                async with serving(ports=ports, address=address):
                     pass
+
+
+FAILURE = r"firmware failed \(ValueError: not finite\).* landed"
 
 
 @pytest.mark.parametrize(
     ("of", "error", "message"),
     [
         ("update", DroneError("the wings fell off"), "the wings fell off"),
-        (
-            "update",
-            ValueError("not finite"),
-            r"firmware failed \(ValueError: not finite\).* landed",
-        ),
-        (
-            "handle",
-            ValueError("not finite"),
-            r"firmware failed \(ValueError: not finite\).* landed",
-        ),
+        ("update", ValueError("not finite"), FAILURE),
+        ("handle", ValueError("not finite"), FAILURE),
     ],
 )
-@asynchronous
 async def test_a_failure_ends_the_service_with_a_message_and_a_landing(
     monkeypatch: pytest.MonkeyPatch, of: str, error: Exception, message: str
 ) -> None:
@@ -193,7 +153,7 @@ async def test_a_failure_ends_the_service_with_a_message_and_a_landing(
     await drone.start()
     try:
         client = await connected(drone)
-        await client.ask("ardrone3.Piloting.TakeOff", FLYING)
+        await client.ask("TakeOff", FLYING)
         await client.wait(FLYING, state="hovering")
         monkeypatch.setattr(Anafi, of, fail)
         client.put(TAKE_OFF)

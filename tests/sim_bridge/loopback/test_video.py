@@ -14,18 +14,16 @@ import pytest
 from sim_bridge.loopback import video
 from sim_bridge.loopback.encoder import nal_type
 from sim_bridge.loopback.metadata import VideoFrame, timed_metadata
+from tests.sim_bridge.loopback.loopback_client import HOST
 from tests.sim_bridge.loopback.video_client import (
     BYE,
-    HOST,
     NOW_S,
     SIZE_PX,
     TCP,
     Pictures,
     RtpPacket,
     assert_quadrants,
-    asynchronous,
     frame_at,
-    metadata_of,
     parse_rtcp,
     parse_rtp,
     serving,
@@ -41,12 +39,7 @@ def kinds(packets: list[RtpPacket]) -> list[int]:
     return [nal_type(unit) for unit in units_of(packets)]
 
 
-def broken() -> VideoFrame:
-    raise RuntimeError("no camera")
-
-
 @pytest.mark.parametrize("way", ["udp", "tcp"])
-@asynchronous
 async def test_ffmpeg_plays_it(way: str) -> None:
     def watch(url: str) -> list[Any]:
         options = {"rtsp_transport": way, "analyzeduration": "0", "fpsprobesize": "0"}
@@ -60,12 +53,9 @@ async def test_ffmpeg_plays_it(way: str) -> None:
             assert_quadrants(image)
 
 
-@asynchronous
 async def test_a_frame_carries_its_metadata_and_a_report_the_drones_time() -> None:
     async with serving() as server, visiting(server) as client:
         assert "PLAY" in (await client.ask("OPTIONS", "*")).headers["public"]
-        described = await client.ask("DESCRIBE")
-        assert described.headers["content-base"] == f"{client.url}/"
         set_up = await client.ask("SETUP", f"{client.url}/stream=0", Transport=TCP)
         playing = await client.ask("PLAY")
         channel, report = await client.packet()
@@ -74,14 +64,26 @@ async def test_a_frame_carries_its_metadata_and_a_report_the_drones_time() -> No
         assert set_up.headers["transport"] == f"{TCP};ssrc={packets[0].ssrc:08X}"
         assert set_up.headers["session"].endswith(";timeout=60")
         shown = frame_at(NOW_S + 1 / 30.0)
-        assert metadata_of(packets) == timed_metadata(shown)
+        assert packets[0].metadata == timed_metadata(shown)
         _, seconds, fraction, stamp = struct.unpack_from("!4I", parse_rtcp(report)[200])
         offset = (packets[0].stamp - stamp + 2**31) % 2**32 - 2**31
         reported_s = seconds + fraction / 2**32 + offset / 90_000
         assert (channel, reported_s) == (1, pytest.approx(shown.captured_s, abs=1e-4))
 
 
-@asynchronous
+async def test_the_client_is_told_what_the_stream_is() -> None:
+    """The order is that of RFC 8866; Olympe finds the medium by its name and refuses a range."""
+    async with serving(media_name="DefaultVideo") as server, visiting(server) as client:
+        described = await client.ask("DESCRIBE")
+        assert described.headers["content-base"] == f"{client.url}/"
+    session, medium = described.body.removesuffix("\r\n").split("\r\nm=")
+    assert "".join(line[0] for line in session.split("\r\n")).rstrip("a") == "vosict"
+    assert medium.startswith("video 0 RTP/AVP 96\r\ni=DefaultVideo\r\na=rtpmap:96 H264/90000\r\n")
+    assert "packetization-mode=1;profile-level-id=42C0" in medium
+    assert "a=X-com-parrot-serial:PI9\r\n" in described.body
+    assert "a=range" not in described.body
+
+
 async def test_udp_packets_come_from_the_ports_that_the_answer_names() -> None:
     """They go to the client only, whatever destination it asks for."""
     heard: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
@@ -117,7 +119,6 @@ async def at_rest(source: Pictures) -> None:
         await asyncio.sleep(0.1)
 
 
-@asynchronous
 async def test_frames_are_fetched_only_while_a_client_plays() -> None:
     """A paused client goes on by a key frame, with the next sequence number."""
     source = Pictures()
@@ -145,56 +146,32 @@ async def test_frames_are_fetched_only_while_a_client_plays() -> None:
         assert server.video.streamer.stats().frames_encoded == source.asked
 
 
-@pytest.mark.parametrize(
-    ("method", "url", "headers", "status"),
-    [
-        ("DESCRIBE", "rtsp://127.0.0.1/other", {}, 404),
-        ("DESCRIBE", "http://127.0.0.1/live", {}, 404),
-        ("DESCRIBE", "", {"CSeq": "one"}, 400),
-        ("SETUP", "", {}, 461),
-        ("SETUP", "", {"Transport": "RTP/SAVP;unicast;client_port=1-2"}, 461),
-        ("SETUP", "", {"Transport": "RTP/AVP;multicast;port=5000-5001"}, 461),
-        ("SETUP", "", {"Transport": "RTP/AVP;unicast;client_port=65535-65536"}, 461),
-        ("SETUP", "", {"Transport": "RTP/AVP/TCP;interleaved=255-256"}, 461),
-        ("SETUP", "", {"Transport": "RTP/AVP/TCP;interleaved=a-b"}, 461),
-        ("PLAY", "", {}, 454),
-        ("RECORD", "", {}, 501),
-    ],
-)
-@asynchronous
-async def test_a_wrong_request_gets_one_clear_refusal(
-    method: str, url: str, headers: dict[str, str], status: int
-) -> None:
-    async with serving() as server, visiting(server) as client:
-        found = await client.ask(method, url, **headers)
-        assert (found.status, found.headers["content-type"]) == (status, "text/plain")
-        assert found.body.endswith("\n")
-        assert (await client.ask("DESCRIBE")).status == 200
-
-
-@pytest.mark.parametrize("method", ["PLAY", "PAUSE", "TEARDOWN"])
-@asynchronous
-async def test_a_session_is_controlled_by_its_name(method: str) -> None:
+async def test_a_wrong_request_gets_one_clear_refusal() -> None:
     async with serving() as server, visiting(server) as client, visiting(server) as other:
-        await client.ask("SETUP", Transport=TCP)
+        for status, method, url, headers in (
+            (404, "DESCRIBE", "rtsp://127.0.0.1/other", {}),
+            (404, "DESCRIBE", "http://127.0.0.1/live", {}),
+            (400, "DESCRIBE", "", {"CSeq": "one"}),
+            (461, "SETUP", "", {}),
+            (461, "SETUP", "", {"Transport": "RTP/SAVP;unicast;client_port=1-2"}),
+            (461, "SETUP", "", {"Transport": "RTP/AVP;multicast;port=5000-5001"}),
+            (461, "SETUP", "", {"Transport": "RTP/AVP;unicast;client_port=65535-65536"}),
+            (461, "SETUP", "", {"Transport": "RTP/AVP/TCP;interleaved=255-256"}),
+            (461, "SETUP", "", {"Transport": "RTP/AVP/TCP;interleaved=a-b"}),
+            (454, "PLAY", "", {}),
+            (501, "RECORD", "", {}),
+        ):
+            found = await client.ask(method, url, **headers)
+            assert (found.status, found.headers["content-type"]) == (status, "text/plain"), headers
+            assert found.body.endswith("\n")
+            assert (await client.ask("DESCRIBE")).status == 200
+        # A session is controlled by its name, on its connection.
         await other.ask("SETUP", Transport=TCP)
-        assert (await client.ask(method, Session=other.session)).status == 454
-        assert (await client.ask(method)).status == 200
-        assert (await client.ask("TEARDOWN")).status == (454 if method == "TEARDOWN" else 200)
-        assert (await client.ask("PLAY")).status == 454
-
-
-@asynchronous
-async def test_the_client_is_told_what_the_stream_is() -> None:
-    """The order is that of RFC 8866; Olympe finds the medium by its name and refuses a range."""
-    async with serving(media_name="DefaultVideo") as server, visiting(server) as client:
-        text = (await client.ask("DESCRIBE")).body
-    session, medium = text.removesuffix("\r\n").split("\r\nm=")
-    assert "".join(line[0] for line in session.split("\r\n")).rstrip("a") == "vosict"
-    assert medium.startswith("video 0 RTP/AVP 96\r\ni=DefaultVideo\r\na=rtpmap:96 H264/90000\r\n")
-    assert "packetization-mode=1;profile-level-id=42C0" in medium
-    assert "a=X-com-parrot-serial:PI9\r\n" in text
-    assert "a=range" not in text
+        for method in ("PLAY", "PAUSE", "TEARDOWN"):
+            await client.ask("SETUP", Transport=TCP)
+            assert (await client.ask(method, Session=other.session)).status == 454
+            assert (await client.ask(method)).status == 200
+        assert (await client.ask("TEARDOWN")).status == 454
 
 
 @pytest.mark.parametrize(
@@ -210,7 +187,6 @@ async def test_the_client_is_told_what_the_stream_is() -> None:
         b"",
     ],
 )
-@asynchronous
 async def test_garbage_on_the_port_does_no_harm(garbage: bytes) -> None:
     """Its sender is refused; a playing client continues, also one that sends reports."""
     async with serving() as server, visiting(server) as watching:
@@ -226,7 +202,6 @@ async def test_garbage_on_the_port_does_no_harm(garbage: bytes) -> None:
         assert (await watching.ask("GET_PARAMETER")).status == 200
 
 
-@asynchronous
 async def test_a_silent_client_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving() as server, visiting(server) as client:
         await client.play()
@@ -235,10 +210,10 @@ async def test_a_silent_client_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> 
         assert await client.goodbye()
 
 
-@asynchronous
-async def test_when_the_source_fails_the_server_says_so_and_stays_up(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_a_source_that_fails_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    def broken() -> VideoFrame:
+        raise RuntimeError("no camera")
+
     async with serving(broken) as server, visiting(server) as client:
         await client.play()
         channel, last = await client.packet()
@@ -248,34 +223,26 @@ async def test_when_the_source_fails_the_server_says_so_and_stays_up(
     assert "its source or its encoder failed" in caplog.text
 
 
-@asynchronous
 async def test_closing_says_goodbye_and_finishes_the_source() -> None:
     """The source is asked and finished on one thread of its own."""
-    threads: list[int] = []
+    asked, finished = list[int](), list[int]()
 
-    class Source(Pictures):
-        def newest(self) -> VideoFrame | None:
-            self.finish()
-            return super().newest()
+    def newest() -> VideoFrame:
+        asked.append(threading.get_ident())
+        return frame_at(NOW_S + len(asked) / 30.0)
 
-        def finish(self) -> None:
-            threads.append(threading.get_ident())
-
-    source = Source()
     async with AsyncExitStack() as stack:
-        served = serving(source.newest, finish=source.finish)
+        served = serving(newest, finish=lambda: finished.append(threading.get_ident()))
         server = await stack.enter_async_context(served)
         async with visiting(server) as client:
             await client.play()
             await client.picture()
             await stack.aclose()
             assert await client.goodbye()
-        await server.video.close()
-    assert len(threads) == source.asked + 1
-    assert len({*threads, threading.get_ident()}) == 2
+    (thread,) = finished
+    assert {*asked} == {thread} != {threading.get_ident()}
 
 
-@asynchronous
 async def test_clients_share_the_frames_and_each_begins_with_a_key_frame() -> None:
     source = Pictures()
     async with (
@@ -291,19 +258,14 @@ async def test_clients_share_the_frames_and_each_begins_with_a_key_frame() -> No
         assert kinds(shown)[:2] == KEY
         while units_of(same := await early.picture()) != units_of(shown):
             pass
-        assert metadata_of(same) == metadata_of(shown)
+        assert same[0].metadata == shown[0].metadata
         assert same[0].ssrc != shown[0].ssrc
-        assert source.asked - server.video.streamer.stats().frames_encoded in (
-            0,
-            1,
-        )  # one is being made
-        assert server.video.streamer.stats().rate_hz > 0.0
+        stats = server.video.streamer.stats()
+        assert 0 <= source.asked - stats.frames_encoded <= 1  # one is being made
+        assert stats.rate_hz > 0.0
 
 
-@asynchronous
-async def test_a_client_that_does_not_keep_up_misses_frames_and_goes_on_by_a_key_frame(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_slow_client_goes_on_by_a_key_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving() as server, visiting(server) as client:
         await client.play()
         before = (await client.picture())[0].stamp
@@ -317,16 +279,10 @@ async def test_a_client_that_does_not_keep_up_misses_frames_and_goes_on_by_a_key
         assert kinds(packets)[:2] == KEY
 
 
-@asynchronous
 async def test_only_new_frames_are_sent() -> None:
     """Old, repeated and missing frames are skipped."""
-    times_s = iter([None, 5.0, 5.0, 4.0, None])
-
-    def newest() -> VideoFrame | None:
-        time_s = next(times_s, 6.0)
-        return None if time_s is None else frame_at(time_s)
-
-    async with serving(newest) as server, visiting(server) as client:
+    frames = iter([None, frame_at(5.0), frame_at(5.0), frame_at(4.0), None])
+    async with serving(lambda: next(frames, frame_at(6.0))) as server, visiting(server) as client:
         await client.play()
         first, second = await client.picture(), await client.picture()
         assert (second[0].stamp - first[0].stamp) % 2**32 == 90_000

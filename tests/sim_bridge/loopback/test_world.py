@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import pytest
 
@@ -47,23 +48,18 @@ def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
 @pytest.mark.parametrize("scene", [None, "train-a"])
 def test_the_camera_draws_each_picture_once(scene: str | None) -> None:
     bench = Bench(scene)
-    camera = TwinCamera(
-        bench.world, image_size_px=(160, 90), seed=1, clock=bench.clock, battery=lambda: 0.5
-    )
     bench.fly()
-    try:
-        first = camera.newest()
-        assert first is not None
-        assert first.image.shape == (90, 160, 3)
-        assert first.image.std() > 1.0
-        assert camera.newest() is first
-        bench.run(0.4)
-        second = camera.newest()
-        assert second is not None
-        assert second.captured_s > first.captured_s
-        assert second.battery == 0.5
-        assert (second.location is None) is (scene is not None)
-        assert second.position_m.down == -second.altitude_m == pytest.approx(-1.0, abs=0.1)
-    finally:
-        camera.close()
-        camera.close()
+    how: Any = {"image_size_px": (160, 90), "seed": 1, "clock": bench.clock, "battery": lambda: 0.5}
+    camera: Any = TwinCamera(bench.world, **how)
+    first = camera.newest()
+    assert first.image.shape == (90, 160, 3)
+    assert first.image.std() > 1.0
+    assert camera.newest() is first
+    bench.run(0.4)
+    second = camera.newest()
+    assert second.captured_s > first.captured_s
+    assert second.battery == 0.5
+    assert (second.location is None) is (scene is not None)
+    assert second.position_m.down == -second.altitude_m == pytest.approx(-1.0, abs=0.1)
+    camera.close()
+    camera.close()

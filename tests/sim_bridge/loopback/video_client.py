@@ -4,68 +4,31 @@ from __future__ import annotations
 
 import asyncio
 import struct
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
-from functools import wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
-from sim_bridge.loopback.server import Service
 from sim_bridge.loopback.video import VideoServer
-from sim_bridge.loopback.web import MAX_HEAD_BYTES
 from sim_bridge.loopback.world import Location
+from tests.sim_bridge.loopback import loopback_client
+from tests.sim_bridge.loopback.loopback_client import HOST
 from uav_bt.types import Attitude, FlyingState
 
-PATIENCE_S = 60.0  # timeout of a test, also on a busy machine, s
 SIZE_PX = (64, 48)
-HOST = "127.0.0.1"
 TCP = "RTP/AVP/TCP;unicast;interleaved=0-1"
 # Quadrants: top left, top right, bottom left, bottom right.
-COLOURS = ((200, 30, 60), (30, 60, 210), (20, 180, 90), (240, 220, 20))
+COLOURS = np.array([(200, 30, 60), (30, 60, 210), (20, 180, 90), (240, 220, 20)], np.uint8)
 NOW_S = 100.0  # constant time of the server's clock
+BYE = 203  # type of an RTCP packet
 
-
-def quadrants() -> NDArray[np.uint8]:
-    """Return an image of four colours, which shows mirroring and swapped channels."""
-    width, height = SIZE_PX
-    corners = np.array(COLOURS, np.uint8).reshape(2, 2, 3)
-    return corners.repeat(height // 2, axis=0).repeat(width // 2, axis=1)
-
-
-def assert_quadrants(image: NDArray[Any]) -> None:
-    """Check the colours at the centres of the quadrants."""
-    height, width = image.shape[:2]
-    centres = image[height // 4 :: height // 2, width // 4 :: width // 2].reshape(-1, 3)
-    assert np.abs(centres.astype(int) - np.array(COLOURS)).max() <= 6
-
-
-def asynchronous(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run the coroutine of a test, with a timeout."""
-
-    @wraps(test)
-    def run(*args: Any, **values: Any) -> None:
-        asyncio.run(asyncio.wait_for(test(*args, **values), PATIENCE_S))
-
-    return run
-
-
-class Pictures:
-    """A source with a new frame at each call, 1/30 s after the last one."""
-
-    def __init__(self) -> None:
-        self.asked = 0
-
-    def newest(self) -> VideoFrame | None:
-        self.asked += 1
-        return frame_at(NOW_S + self.asked / 30.0)
-
-
+# An image of four colours shows mirroring and swapped channels.
 FRAME = VideoFrame(
-    image=quadrants(),
+    image=COLOURS.reshape(2, 2, 3).repeat(SIZE_PX[1] // 2, axis=0).repeat(SIZE_PX[0] // 2, axis=1),
     captured_s=12.5,
     captured_utc_s=1_700_000_000.25,
     attitude=Attitude(roll_rad=0.1, pitch_rad=-0.2, yaw_rad=1.5),
@@ -86,30 +49,24 @@ def frame_at(captured_s: float) -> VideoFrame:
     return replace(FRAME, captured_s=captured_s)
 
 
-@asynccontextmanager
-async def listening(service: Service) -> AsyncIterator[int]:
-    """Serve the connections of a free TCP port and yield its number."""
-    clients: list[asyncio.Task[None]] = []
-
-    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            await service(reader, writer)
-        finally:
-            writer.close()
-
-    def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        clients.append(asyncio.create_task(converse(reader, writer)))
-
-    async with await asyncio.start_server(accept, HOST, 0, limit=MAX_HEAD_BYTES) as server:
-        yield server.sockets[0].getsockname()[1]
-        for client in clients:
-            client.cancel()
-        for end in await asyncio.gather(*clients, return_exceptions=True):
-            assert isinstance(end, (type(None), asyncio.CancelledError, OSError)), end
+def assert_quadrants(image: NDArray[Any]) -> None:
+    """Check the colours at the centres of the quadrants."""
+    height, width = image.shape[:2]
+    centres = image[height // 4 :: height // 2, width // 4 :: width // 2].reshape(-1, 3)
+    assert np.abs(centres.astype(int) - COLOURS).max() <= 6
 
 
-@dataclass(frozen=True)
-class Served:
+class Pictures:
+    """A source with a new frame at each call, 1/30 s after the last one."""
+
+    asked = 0
+
+    def newest(self) -> VideoFrame | None:
+        self.asked += 1
+        return frame_at(NOW_S + self.asked / 30.0)
+
+
+class Served(NamedTuple):
     """A video server and its RTSP port."""
 
     video: VideoServer
@@ -121,27 +78,16 @@ async def serving(
     newest: Callable[[], VideoFrame | None] | None = None, **options: Any
 ) -> AsyncIterator[Served]:
     """Yield a server of the video."""
-    video = VideoServer(
-        newest or Pictures().newest,
-        size_px=SIZE_PX,
-        rate_hz=120.0,
-        serial="PI9",
-        now=lambda: NOW_S,
-        **options,
-    )
-    await video.open(HOST)
-    try:
-        async with listening(video.serve) as port:
-            yield Served(video, port)
-    finally:
-        await video.close()
+    how: dict[str, Any] = {"size_px": SIZE_PX, "rate_hz": 120.0, "now": lambda: NOW_S} | options
+    video = VideoServer(newest or Pictures().newest, serial="PI9", **how)
+    async with loopback_client.serving(video=video) as server:
+        yield Served(video, server.ports.rtsp)
 
 
 # --- RTSP -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """A parsed answer."""
 
     status: int
@@ -158,7 +104,7 @@ class RtspClient:
     url: str
     number: int = 0
     session: str = ""
-    waiting: list[tuple[int, bytes]] = field(default_factory=list)  # channels and packets
+    waiting: list[Any] = field(default_factory=list)  # channels and packets
 
     async def ask(self, method: str, url: str = "", **headers: str) -> Answer:
         """Send a request and return its answer."""
@@ -181,11 +127,8 @@ class RtspClient:
 
     async def packet(self) -> tuple[int, bytes]:
         """Return the next packet on the connection and its channel."""
-        if self.waiting:
-            return self.waiting.pop(0)
-        found = await self._message()
-        assert not isinstance(found, Answer)
-        return found
+        channel, data = self.waiting.pop(0) if self.waiting else await self._message()
+        return channel, data
 
     async def picture(self) -> list[RtpPacket]:
         """Return the packets of the next frame; reports between them are skipped."""
@@ -204,7 +147,7 @@ class RtspClient:
         except asyncio.IncompleteReadError:
             return last[0] == 1 and BYE in parse_rtcp(last[1])
 
-    async def _message(self) -> Answer | tuple[int, bytes]:
+    async def _message(self) -> Any:
         first = await self.reader.readexactly(1)
         if first == b"$":
             channel, size = struct.unpack("!BH", await self.reader.readexactly(3))
@@ -226,11 +169,8 @@ async def visiting(server: Served) -> AsyncIterator[RtspClient]:
 
 # --- RTP ------------------------------------------------------------------------------------------
 
-BYE = 203  # type of an RTCP packet
 
-
-@dataclass(frozen=True)
-class RtpPacket:
+class RtpPacket(NamedTuple):
     """A parsed packet."""
 
     marker: bool
@@ -238,7 +178,7 @@ class RtpPacket:
     sequence: int
     stamp: int
     ssrc: int
-    extension: tuple[int, bytes] | None  # id and content
+    metadata: bytes | None  # the message in Parrot's header extension
     payload: bytes
 
 
@@ -246,42 +186,32 @@ def parse_rtp(data: bytes) -> RtpPacket:
     """Parse an RTP packet (RFC 3550, section 5.1)."""
     flags, kind, sequence, stamp, ssrc = struct.unpack_from("!BBHII", data)
     assert flags & 0xEF == 0x80, "version 2, no padding, no contributing sources"
-    extension, begin = None, 12
+    metadata, begin = None, 12
     if flags & 0x10:
-        number, words = struct.unpack_from("!HH", data, 12)
+        number, words, word, offset = struct.unpack_from("!4H", data, 12)
+        assert (number, word >> 2, offset) == (0x5062, 0, 0), "a message of one part"
         begin = 16 + 4 * words
-        extension = (number, data[16:begin])
-    marker, kind = bool(kind & 0x80), kind & 0x7F
-    return RtpPacket(marker, kind, sequence, stamp, ssrc, extension, data[begin:])
+        metadata = data[20 : begin - (word & 3)]
+    return RtpPacket(bool(kind & 0x80), kind & 0x7F, sequence, stamp, ssrc, metadata, data[begin:])
 
 
-def metadata_of(packets: list[RtpPacket]) -> bytes:
-    """Return the message in Parrot's header extension of a frame, which must have one part."""
-    number, content = packets[0].extension or (0, b"")
-    word, offset = struct.unpack_from("!HH", content)
-    assert (number, word >> 2, offset) == (0x5062, 0, 0)
-    assert not any(packet.extension for packet in packets[1:])
-    return content[4 : len(content) - (word & 3)]
-
-
-def units_of(packets: Iterable[RtpPacket]) -> tuple[bytes, ...]:
+def units_of(packets: list[RtpPacket]) -> tuple[bytes, ...]:
     """Return the NAL units of packets (RFC 6184), as a receiver does."""
     units: list[bytes] = []
-    parts: list[bytes] = []  # of the fragmented unit so far
+    unfinished = False  # whether more fragments of the last unit must follow
     for payload in (packet.payload for packet in packets):
         if payload[0] & 0x1F != 28:
-            assert not parts, "a fragmented unit was not finished"
+            assert not unfinished
             units.append(payload)
             continue
         begins, ends = bool(payload[1] & 0x80), bool(payload[1] & 0x40)
-        assert begins == (not parts)
+        assert begins is not unfinished
         assert not (begins and ends), "a unit in one fragment is not allowed"
-        parts += [bytes([payload[0] & 0xE0 | payload[1] & 0x1F])] if begins else []
-        parts.append(payload[2:])
-        if ends:
-            units.append(b"".join(parts))
-            parts.clear()
-    assert not parts
+        if begins:
+            units.append(bytes([payload[0] & 0xE0 | payload[1] & 0x1F]))
+        units[-1] += payload[2:]
+        unfinished = not ends
+    assert not unfinished
     return tuple(units)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,13 +55,14 @@ class Time(FrameClock):
 class FakeFrame:
     """The SDK's frame of grey pixels, which is valid between `ref` and `unref`."""
 
-    def __init__(self, meta: Mapping[str, Any] | None = None, level: int = 99) -> None:
-        self.references = 0
-        self.meta = dict(meta or {})
+    references = 0
+
+    def __init__(
+        self, meta: Mapping[str, Any] | None = None, level: int = 99, stream_us: int = 0
+    ) -> None:
+        self.meta, self.stream_us = dict(meta or {}), stream_us
         self.planes = np.full((36, 32), 128, np.uint8)
         self.planes[:24] = level
-        self.raw: dict[str, Any] = {"format": "YUV420/ABCD/LINEAR/8/PLANAR/HIGH/BE/8", "info": {}}
-        self.stream_us = 0
 
     def ref(self) -> None:
         self.references += 1
@@ -68,7 +71,8 @@ class FakeFrame:
         self.references -= 1
 
     def info(self) -> Mapping[str, Any]:
-        return {"raw": {"frame": self.raw}, "ntp_raw_timestamp": self.stream_us}
+        raw = {"format": "YUV420/ABCD/LINEAR/8/PLANAR/HIGH/BE/8", "info": {}}
+        return {"raw": {"frame": raw}, "ntp_raw_timestamp": self.stream_us}
 
     def as_ndarray(self) -> np.ndarray | None:
         return self.planes if self.references else None
@@ -77,28 +81,81 @@ class FakeFrame:
         return 6, self.meta
 
 
+@dataclass
+class FakeWorld:
+    """The drones behind the SDK, with and without answers and video."""
+
+    version: tuple[int, ...] = (8, 5, 0)
+    firmware: str = "1.6.9"
+    answers: bool = True
+    steers: bool = True
+    video_fault: BaseException | None = None
+    refused: set[str] = field(default_factory=set)  # settings that the drone does not confirm
+    unreported: set[str] = field(default_factory=set)  # settings not reported on connecting
+    blocks: str = ""  # name of a call of the SDK that blocks until `go`
+    fails: str = ""  # name of a call that fails
+    on_connect: Callable[[FakeSdkDrone], object] = lambda _: None
+    go: threading.Event = field(default_factory=threading.Event)
+    destroyed: threading.Event = field(default_factory=threading.Event)
+    made: list[FakeSdkDrone] = field(default_factory=list)
+
+    def sdk(self) -> Sdk:
+        return Sdk(
+            version=self.version,
+            classes=SimpleNamespace(
+                Drone=partial(FakeSdkDrone, self),
+                SkyController3=partial(FakeSdkDrone, self, sky=True),
+            ),
+            message=lambda name: lambda **args: (name, args),
+            stream=lambda on_frame: on_frame,
+        )
+
+
 class FakeSdkDrone:
     """An object of the SDK's `Drone`, and its `streaming`, that records all commands."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
-        world.note("make")
         self.world, self.host, self.given = world, host, given
         self.connected = False
         self.streaming = self
         self.sent: list[tuple[str, dict[str, Any]]] = []
-        self.closed: list[str] = []
+        self.calls: list[tuple[str, int]] = []  # with the calling thread
         self.played: dict[str, Any] = {}
         self.on_frame: Callable[[Any], None]
         self._listeners: list[Callable[[Any, Any], None]] = []
         world.made.append(self)
+        self._note("make")
+
+    def _note(self, call: str) -> bool:
+        self.calls.append((call, threading.get_ident()))
+        if call == self.world.blocks:
+            assert self.world.go.wait(PATIENCE_S)
+        if call == self.world.fails:
+            raise TimeoutError("no answer")
+        return True
+
+    @property
+    def closed(self) -> list[str]:
+        """The calls that end the connection."""
+        return [call for call, _ in self.calls if call in {"stop", "disconnect", "destroy"}]
+
+    def names(self) -> list[str]:
+        """Return the names of all commands."""
+        return [name.rpartition(".")[2] for name, _ in self.sent]
+
+    def args(self, name: str) -> list[dict[str, Any]]:
+        """Return the arguments of all commands of a name."""
+        return [args for sent, args in self.sent if sent == name]
 
     def subscribe(self, callback: Callable[[Any, Any], None], expectation: None) -> None:
         assert expectation is None
-        self.world.note("subscribe")
+        self._note("subscribe")
         self._listeners.append(callback)
 
     def connect(self) -> bool:
-        self.world.note("connect")
+        self._note("connect")
+        version = "common.SettingsState.ProductVersionChanged"
+        self.event(version, software=self.world.firmware, hardware="1")
         self.world.on_connect(self)
         for command in SETTINGS.keys() - self.world.unreported:
             event, argument, value = SETTINGS[command]
@@ -111,7 +168,7 @@ class FakeSdkDrone:
 
     def play(self, **given: Any) -> bool:
         self.played = given
-        self.world.note("play")
+        self._note("play")
         if self.world.video_fault is not None:
             raise self.world.video_fault  # as the SDK if RTSP is refused
         return True
@@ -121,21 +178,17 @@ class FakeSdkDrone:
         return self.play(**given)
 
     def stop(self) -> bool:
-        self.closed.append("stop video")
-        return True
+        return self._note("stop")
 
     def disconnect(self) -> bool:
-        self.world.note("disconnect")
-        self.closed.append("disconnect")
-        return True
+        return self._note("disconnect")
 
     def destroy(self) -> None:
-        self.closed.append("destroy")
-        self.world.note("destroy")
+        self._note("destroy")
         self.world.destroyed.set()
 
     def __call__(self, message: tuple[str, dict[str, Any]]) -> None:
-        self.world.note("send")
+        self._note("send")
         self.sent.append(message)
         name, args = message
         self.event(name, kind="CMD", **args)
@@ -145,14 +198,13 @@ class FakeSdkDrone:
             self.event(event, **{argument: value})
 
     def piloting(self, roll: int, pitch: int, yaw: int, gaz: int, piloting_time: float) -> bool:
-        self.world.note("piloting")
+        self._note("piloting")
         self.sent.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
         return self.world.steers
 
     def stop_piloting(self) -> bool:
-        self.world.note("stop_piloting")
         self.sent.append(("stop_piloting", {}))
-        return True
+        return self._note("stop_piloting")
 
     def event(self, name: str, /, kind: str = "EVT", **args: Any) -> None:
         message = SimpleNamespace(fullName=name, message_type=SimpleNamespace(name=kind))
@@ -165,52 +217,13 @@ class FakeSdkDrone:
             if quantity != silent:
                 self.event(f"{STATE}.{name}", **values)
 
-    def names(self) -> list[str]:
-        return [name.rpartition(".")[2] for name, _ in self.sent]
-
-
-class FakeWorld:
-    """The drones behind the SDK, with and without answers and video."""
-
-    def __init__(self, version: tuple[int, ...] = (8, 5, 0), *, firmware: str = "1.6.9") -> None:
-        self.answers = True
-        self.video_fault: BaseException | None = None
-        self.steers = True
-        self.refused: set[str] = set()  # settings that the drone does not confirm
-        self.unreported: set[str] = set()  # settings that the drone does not report on connecting
-        self.made: list[FakeSdkDrone] = []
-        self.on_connect: Callable[[FakeSdkDrone], None] = lambda drone: drone.event(
-            "common.SettingsState.ProductVersionChanged", software=firmware, hardware="1"
-        )
-        self.blocks = ""  # name of a call of the SDK that blocks until `go`
-        self.fails = ""  # name of a call that fails
-        self.go, self.destroyed = threading.Event(), threading.Event()
-        self.calls: list[tuple[str, int]] = []  # with the calling thread
-        self.sdk = Sdk(
-            version=version,
-            classes=SimpleNamespace(
-                Drone=lambda host, **given: FakeSdkDrone(self, host, **given),
-                SkyController3=lambda host, **given: FakeSdkDrone(self, host, sky=True, **given),
-            ),
-            message=lambda name: lambda **args: (name, args),
-            stream=lambda on_frame: on_frame,
-        )
-
-    def note(self, call: str) -> None:
-        self.calls.append((call, threading.get_ident()))
-        if call == self.blocks:
-            assert self.go.wait(PATIENCE_S)
-        if call == self.fails:
-            raise TimeoutError("no answer")
-
 
 class InTurn:
     """A command queue that runs each command at once."""
 
     hangs = False
 
-    def submit(self, kind: object, job: Callable[[], object]) -> None:
-        assert kind is not None
+    def submit(self, _kind: object, job: Callable[[], object]) -> None:
         job()
 
     def run(self, job: Callable[[], object], limit_s: float) -> bool:
@@ -242,10 +255,7 @@ class Flight:
         self.world, self.time = world or FakeWorld(), Time()
         in_turn: Any = {} if threaded else {"clock": self.time, "commands": InTurn}
         self.drone = OlympeDrone(
-            config(**changes),
-            sdk=lambda: self.world.sdk,
-            probe_first=lambda _: remote,
-            **in_turn,
+            config(**changes), sdk=self.world.sdk, probe_first=lambda _: remote, **in_turn
         )
         if connect:
             self.drone.connect()

@@ -16,7 +16,7 @@ from sim_bridge.olympe import AnafiConfig, SphinxConfig, probe
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.probe import probe as probed
 from sim_bridge.olympe.sdk import load_sdk
-from tests.sim_bridge.olympe.fake_olympe import FakeWorld, config
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, FakeWorld, config
 from uav_bt.errors import DroneError, InputError, MissingDependencyError, ValueRangeError
 from uav_bt.protocols import Drone
 
@@ -30,9 +30,7 @@ from uav_bt.protocols import Drone
         (SphinxConfig, "drone.lab:45000", "drone.lab", 45000),
     ],
 )
-def test_an_address_is_a_host_and_perhaps_a_port(
-    kind: Any, address: str | None, host: str, port: int
-) -> None:
+def test_a_port_is_optional(kind: Any, address: str | None, host: str, port: int) -> None:
     made = kind(address=address)
     assert (made.host, made.discovery_port) == (host, port)
     assert isinstance(made.create(), Drone)
@@ -63,37 +61,26 @@ def test_limits_are_positive(limit: str, value: float) -> None:
         (b"", False),
     ],
 )
-def test_a_remote_control_announces_itself(announcement: bytes, *, remote: bool) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def announce() -> None:
-            connection, _ = server.accept()
-            with connection:
-                connection.sendall(announcement)
-
-        announcing = threading.Thread(target=announce)
-        announcing.start()
-        found = probed(config(address=f"127.0.0.1:{server.getsockname()[1]}"))
-        announcing.join()
-    assert found is remote
-
-
-def test_a_listening_port_that_announces_nothing_is_a_drone(
-    monkeypatch: pytest.MonkeyPatch,
+def test_a_remote_control_announces_itself(
+    monkeypatch: pytest.MonkeyPatch, announcement: bytes, *, remote: bool
 ) -> None:
-    monkeypatch.setattr(probe, "LIMIT_S", 0.1)
+    """A port that listens and announces nothing is a drone."""
+    monkeypatch.setattr(probe, "LIMIT_S", 0.1 if announcement == b"" else PATIENCE_S)
+
+    def announce() -> None:
+        with server.accept()[0] as connection:
+            connection.sendall(announcement)
+
     with socket.create_server(("127.0.0.1", 0)) as server:
-        assert not probed(config(address=f"127.0.0.1:{server.getsockname()[1]}"))
+        if announcement:
+            threading.Thread(target=announce).start()
+        assert probed(config(address=f"127.0.0.1:{server.getsockname()[1]}")) is remote
 
 
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        (
-            {},
-            ConnectionRefusedError(111, "refused"),
-            r"reach .*\(refused\): .*`uav-bt serve-anafi`",
-        ),
+        ({}, OSError(111, "refused"), r"reach .*\(refused\): .*`uav-bt serve-anafi`"),
         ({"address": "127.0.3.4"}, OSError("odd"), r"`uav-bt serve-anafi --address 127.0.3.4`"),
         ({"address": "localhost"}, OSError("odd"), r"reach anafi at localhost.*serve-anafi`"),
         ({"address": None}, TimeoutError(), "no answer from anafi at .* within 2 s: switch the"),
@@ -111,9 +98,7 @@ def test_nobody_at_the_address_is_an_error_with_advice(
         probed(config(**given))
 
 
-def test_a_missing_sdk_is_reported_with_its_remedy_before_the_drone_is_looked_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_sdk_is_reported_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "olympe", None)
     drone = OlympeDrone(config(), probe_first=lambda _: pytest.fail("looked for the drone"))
     with pytest.raises(MissingDependencyError, match=r"Parrot's SDK .*docs/anafi\.md"):
@@ -141,14 +126,17 @@ def test_the_sdk_logs_through_our_loggers_at_a_lower_level(
 @pytest.mark.parametrize(
     ("remote", "proxy", "address"),
     [
-        (False, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.1", 8080)),
-        (True, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.9", 1234)),
-        (True, SimpleNamespace(address=None, port=None), ("127.0.0.1", 8180)),
+        (False, {"address": "127.0.0.9", "port": 1234}, ("127.0.0.1", 8080)),
+        (True, {"address": "127.0.0.9", "port": 1234}, ("127.0.0.9", 1234)),
+        (True, {"address": None, "port": None}, ("127.0.0.1", 8180)),
         (True, None, ("127.0.0.1", 8180)),
     ],
 )
-def test_the_web_server_behind_a_remote_control_is_at_the_proxy(
-    *, remote: bool, proxy: object, address: tuple[str, int]
+def test_behind_a_remote_control_the_web_server_is_at_the_proxy(
+    *, remote: bool, proxy: dict[str, Any] | None, address: tuple[str, int]
 ) -> None:
-    drone = SimpleNamespace() if proxy is None else SimpleNamespace(http_proxy=proxy)
-    assert FakeWorld().sdk.web_address(drone, config(http_port=8080), remote=remote) == address
+    drone = SimpleNamespace()
+    if proxy is not None:
+        drone.http_proxy = SimpleNamespace(**proxy)
+    sdk, where = FakeWorld().sdk(), config(http_port=8080)
+    assert sdk.web_address(drone, where, remote=remote) == address

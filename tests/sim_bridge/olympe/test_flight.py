@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
-import contextlib
 import math
 from typing import Any
 
@@ -58,11 +57,6 @@ def test_connecting_starts_the_video_and_changes_nothing(version: Any, made: Any
     assert sdk.sent == []
 
 
-def test_the_older_sdk_cannot_use_another_discovery_port() -> None:
-    with pytest.raises(InputError, match="always discovers on port 44445, asked for 45000"):
-        Flight(FakeWorld((7, 7, 5)), address="127.0.0.1:45000")
-
-
 def test_each_connection_has_an_sdk_object_of_its_own() -> None:
     flight = Flight()
     for _ in range(3):
@@ -70,27 +64,32 @@ def test_each_connection_has_an_sdk_object_of_its_own() -> None:
         flight.drone.disconnect()
         flight.drone.disconnect()
     closed = [sdk.closed for sdk in flight.world.made]
-    assert closed == [["stop video", "disconnect", "destroy"]] * 3
+    assert closed == [["stop", "disconnect", "destroy"]] * 3
 
 
-def test_a_drone_that_refuses_is_disconnected() -> None:
-    flight = Flight(connect=False)
-    flight.world.answers = False
-    with pytest.raises(DroneError, match=r"anafi at 127\.0\.0\.1:44445 refused the connection"):
-        flight.drone.connect()
-    assert flight.sdk.closed == ["disconnect", "destroy"]
+NO_VIDEO = r"sends no video \(RTSP port 554\) within 5 s"
+FAULTS = TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledError()
 
 
-@pytest.mark.parametrize("version", [(7, 7, 5), (8, 5, 0)])
 @pytest.mark.parametrize(
-    "fault", [TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledError()]
+    ("world", "message"),
+    [
+        (FakeWorld(answers=False), r"anafi at 127\.0\.0\.1:44445 refused the connection"),
+        *((FakeWorld((7, 7, 5), video_fault=fault), NO_VIDEO) for fault in FAULTS),
+        *((FakeWorld((8, 5, 0), video_fault=fault), NO_VIDEO) for fault in FAULTS),
+    ],
 )
-def test_no_video_is_reported_at_once(version: tuple[int, ...], fault: BaseException) -> None:
-    flight = Flight(FakeWorld(version), connect=False)
-    flight.world.video_fault = fault
-    with pytest.raises(DroneError, match=r"sends no video \(RTSP port 554\) within 5 s"):
+def test_a_drone_that_refuses_is_disconnected(world: FakeWorld, message: str) -> None:
+    flight = Flight(world, connect=False)
+    with pytest.raises(DroneError, match=message):
         flight.drone.connect()
-    assert flight.sdk.closed == ["stop video", "disconnect", "destroy"]
+    assert flight.sdk.closed[-2:] == ["disconnect", "destroy"]
+    assert ("stop" in flight.sdk.closed) is world.answers
+
+
+def test_the_older_sdk_cannot_use_another_discovery_port() -> None:
+    with pytest.raises(InputError, match="always discovers on port 44445, asked for 45000"):
+        Flight(FakeWorld((7, 7, 5)), address="127.0.0.1:45000")
 
 
 def test_an_unconnected_drone_says_so() -> None:
@@ -112,10 +111,7 @@ def test_an_unconnected_drone_says_so() -> None:
         # A take-off and a landing are repeated while they have no effect.
         ([TakeOff(), 0.6, TakeOff(), 0.6, TakeOff()], [*LIMITS, "TakeOff", "TakeOff"]),
         ([TakeOff(), "motor_ramping", 5.0, TakeOff()], [*LIMITS, "TakeOff"]),
-        (
-            ["hovering", Land(), Land(), 1.5, Land(), "landing", 1.5, Land()],
-            ["Landing", "Landing"],
-        ),
+        (["hovering", Land(), Land(), 1.5, Land(), "landing", 1.5, Land()], ["Landing", "Landing"]),
         (["hovering", CutMotors()], ["Emergency"]),
         # On the ground no sticks are held.
         ([Velocity(forward_mps=0.5)], []),
@@ -136,11 +132,11 @@ def test_only_changes_are_sent(steps: list[Any], sent: list[str]) -> None:
     assert Flight().play(*steps) == sent
 
 
-def test_a_landing_comes_before_all_that_may_fail() -> None:
+def test_sticks_that_the_sdk_refuses_are_an_error_which_a_landing_precedes() -> None:
     flight = Flight()
     flight.play("hovering", TURN)
     flight.world.steers = False
-    with contextlib.suppress(DroneError):
+    with pytest.raises(DroneError, match="no longer accepts stick positions"):
         flight.play(TURN)
     flight.sdk.sent.clear()
     assert flight.play(Land()) == ["Landing", "piloting", "stop_piloting"]
@@ -176,31 +172,35 @@ def test_an_end_event_counts_for_the_movement_of_its_distance(
     assert flight.state.movement == MovementStatus(id=2, state=state)
 
 
-@pytest.mark.parametrize("firmware", ["1.7.0", "1.8.2", "2.0.0-rc1", "1.6.9", ""])
-def test_a_movement_keeps_the_speed_limits(firmware: str) -> None:
-    """Older firmware takes no speeds; it is slowed by the least tilt that can be set."""
+@pytest.mark.parametrize(
+    ("firmware", "tilt_deg", "name", "values"),
+    [
+        # Older firmware takes no speeds; it is slowed by the least tilt that can be set.
+        *((old, 1.0, "ardrone3.Piloting.moveBy", []) for old in ("1.6.9", "")),
+        *(
+            (new, 10.0, "move.extended_move_by", [0.4, 0.3, pytest.approx(math.degrees(1.0))])
+            for new in ("1.7.0", "1.8.2", "2.0.0-rc1")
+        ),
+    ],
+)
+def test_a_movement_keeps_the_speed_limits(
+    firmware: str, tilt_deg: float, name: str, values: list[float]
+) -> None:
     limits = {"speed_limit_mps": 0.4, "climb_limit_mps": 0.3, "yaw_rate_limit_radps": 1.0}
     flight = Flight(FakeWorld(firmware=firmware), altitude_limit_m=2.0, **limits)
     flight.play("hovering", MoveBy(id=1, forward_m=1.0, yaw_rad=0.5), Hover())
-    sent = dict(flight.sdk.sent[:-1])
-    old = firmware in {"1.6.9", ""}
-    assert sent[MAX_TILT] == {"current": pytest.approx(1.0 if old else 10.0)}
+    *limiting, (moved, args), (_, halt) = flight.sdk.sent
+    sent = dict(limiting)
+    assert sent[MAX_TILT] == {"current": pytest.approx(tilt_deg)}
     assert sent[MAX_ALTITUDE] == {"current": 2.0}
     assert sent[ROTATION] == {"current": pytest.approx(math.degrees(1.0))}
-    name, args = flight.sdk.sent[-2]
-    if old:
-        assert name == "ardrone3.Piloting.moveBy"
-        assert args == {"dX": 1.0, "dY": 0.0, "dZ": 0.0, "dPsi": 0.5}
-    else:
-        assert name == "move.extended_move_by"
-        assert list(args.values()) == [1.0, 0.0, 0.0, 0.5, 0.4, 0.3, sent[ROTATION]["current"]]
-    assert set(flight.sdk.sent[-1][1].values()) == {0.0}
+    assert (moved, [*args.values()]) == (name, [1.0, 0.0, 0.0, 0.5, *values])
+    assert set(halt.values()) == {0.0}
 
 
 def test_a_command_is_returned_as_it_was_sent() -> None:
-    flight = Flight()
     order = Velocity(forward_mps=3.0, right_mps=4.0, down_mps=-9.0, yaw_rate_radps=9.0)
-    sent = flight.drone.send(Command(movement=order, gimbal=GimbalTo(pitch_rad=0.5)))
+    sent = Flight().drone.send(Command(movement=order, gimbal=GimbalTo(pitch_rad=0.5)))
     assert isinstance(sent.movement, Velocity)
     assert sent.movement.forward_mps == pytest.approx(0.6)
     assert sent.movement.right_mps == pytest.approx(0.8)
@@ -212,8 +212,7 @@ def test_the_gimbal_is_set_against_the_horizon_when_its_target_changes() -> None
     flight = Flight()
     for pitch_rad in (-0.5, -0.5, -math.pi / 2):
         flight.drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=pitch_rad)))
-    assert flight.sdk.names() == ["set_target", "set_target"]
-    target = flight.sdk.sent[1][1]
+    _, target = flight.sdk.args("gimbal.set_target")
     assert target["pitch"] == pytest.approx(-90.0)
     assert target["pitch_frame_of_reference"] == "absolute"
     assert target["control_mode"] == "position"
@@ -240,7 +239,7 @@ def test_sticks_are_shares_of_the_limits_that_the_drone_reports(
     event, argument, _ = SETTINGS[setting]
     flight.sdk.event(event, **{argument: reported})
     flight.play(Velocity(forward_mps=0.5, yaw_rate_radps=0.8, down_mps=0.3), Hover())
-    (_, held), (_, centred) = flight.sdk.sent[-2:]
+    held, centred = flight.sdk.args("piloting")
     roll, pitch, yaw, climb = held["sticks"]
     assert (roll, (yaw, -climb), held["for_s"]) == (0, share, 0.5)
     assert 0 < pitch < 100
@@ -250,40 +249,29 @@ def test_sticks_are_shares_of_the_limits_that_the_drone_reports(
 def test_a_tilt_limit_that_was_not_taken_halves_the_stick() -> None:
     pitches = []
     for refused in (set[str](), {MAX_TILT}):  # then the limit stays at 20 degrees
-        flight = Flight(FakeWorld(firmware="1.8.2"))
-        flight.world.refused = refused
+        flight = Flight(FakeWorld(firmware="1.8.2", refused=refused))
         flight.play("hovering", Velocity(forward_mps=1.0))
-        pitches.append(flight.sdk.sent[-1][1]["sticks"][1])
+        pitches.append(flight.sdk.args("piloting")[0]["sticks"][1])
     assert pitches[1] == pytest.approx(pitches[0] / 2, abs=1)
-
-
-def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:
-    flight = Flight()
-    flight.world.steers = False
-    with pytest.raises(DroneError, match="no longer accepts stick positions"):
-        flight.play("hovering", TURN)
 
 
 # --- a remote control -----------------------------------------------------------------------------
 
 CONNECTION = "drone_manager.connection_state"
+OURS, PILOTS = "Controller", "SkyController"
 
 
 def with_remote() -> Flight:
-    world = FakeWorld()
-    world.on_connect = lambda sdk: sdk.event(CONNECTION, state="connected")
+    world = FakeWorld(on_connect=lambda sdk: sdk.event(CONNECTION, state="connected"))
     flight = Flight(world, remote=True)
-    flight.play("SkyController")
+    flight.play(PILOTS)
     assert flight.sdk.given["sky"]
     assert flight.sdk.played["port"] is None
     return flight
 
 
 def sources(flight: Flight) -> list[str]:
-    return [args["source"] for name, args in flight.sdk.sent if "setPilotingSource" in name]
-
-
-OURS, PILOTS = "Controller", "SkyController"
+    return [args["source"] for args in flight.sdk.args("skyctrl.CoPiloting.setPilotingSource")]
 
 
 @pytest.mark.parametrize(
@@ -337,9 +325,7 @@ def test_a_remote_control_without_its_drone_is_heard_but_not_the_drone() -> None
     assert (state.connected, state.lost) == (False, False)  # the remote control may reconnect
 
 
-def test_a_remote_control_without_a_drone_is_reported_before_video_is_requested(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_remote_control_needs_a_drone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link, "BEHIND_LIMIT_S", 0.01)
     flight = Flight(remote=True, connect=False)
     with pytest.raises(DroneError, match="no drone is connected to it: switch the drone on"):

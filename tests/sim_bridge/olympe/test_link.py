@@ -11,26 +11,9 @@ import pytest
 
 from sim_bridge.olympe import link, settings
 from sim_bridge.olympe.commands import CommandQueue, Kind
-from tests.sim_bridge.olympe.fake_olympe import (
-    FLYING,
-    PATIENCE_S,
-    SETTINGS,
-    STATE,
-    FakeWorld,
-    Flight,
-)
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, SETTINGS, STATE, FakeWorld, Flight
 from uav_bt.errors import DroneError
-from uav_bt.types import (
-    Command,
-    CutMotors,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Release,
-    Velocity,
-)
+from uav_bt.types import CutMotors, Land, MoveBy, Movement, Release, Velocity
 
 # --- the queue ------------------------------------------------------------------------------------
 
@@ -88,9 +71,7 @@ def test_a_landing_overtakes_what_would_move_the_drone() -> None:
 @pytest.mark.parametrize(
     ("job", "message"), [(refused, "does not land"), (cancelled, "gave up: CancelledError")]
 )
-def test_an_error_is_raised_with_the_next_command_which_is_still_carried_out(
-    job: Callable[[], None], message: str
-) -> None:
+def test_the_next_command_raises_an_error(job: Callable[[], None], message: str) -> None:
     commands, landed = CommandQueue(), threading.Event()
     commands.submit(Kind.MOVE, job)
     assert commands.run(lambda: None, PATIENCE_S)
@@ -102,35 +83,24 @@ def test_an_error_is_raised_with_the_next_command_which_is_still_carried_out(
         commands.submit(Kind.END, landed.set)
 
 
-def test_errors_that_no_command_can_raise_are_logged(caplog: pytest.LogCaptureFixture) -> None:
-    commands = CommandQueue()
-    commands.submit(Kind.END, refused)  # raised by no later command
-    assert commands.run(lambda: None, PATIENCE_S)
-    commands.close()
-    assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 1
-    blocked, over = Blocked(), threading.Event()
-    blocked.queue.submit(Kind.MOVE, refused)
-    blocked.queue.submit(Kind.MOVE, refused)  # the second of two
-    blocked.queue.close(over.set)
-    blocked.go.set()
-    assert over.wait(PATIENCE_S)
-    assert caplog.text.count("it does not land") == 3
-
-
-def test_of_several_errors_the_first_is_raised(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_other_errors_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     blocked = Blocked()
     blocked.queue.submit(Kind.MOVE, lambda: int("no number"))
     blocked.queue.submit(Kind.MOVE, refused)
     blocked.go.set()
     assert blocked.queue.run(lambda: None, PATIENCE_S)
     with pytest.raises(ValueError, match="no number"):
-        blocked.queue.submit(Kind.GIMBAL, lambda: None)
-    assert "it does not land" in caplog.text
+        blocked.queue.submit(Kind.END, refused)  # raised by no later command
+    blocked.finish()
+    closed, over = Blocked(), threading.Event()
+    closed.queue.submit(Kind.MOVE, refused)
+    closed.queue.close(over.set)
+    closed.go.set()
+    assert over.wait(PATIENCE_S)
+    assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 3
 
 
-def test_a_job_is_waited_for_and_one_that_takes_too_long_is_finished_later(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_job_that_takes_too_long_is_finished_later(caplog: pytest.LogCaptureFixture) -> None:
     go, begun, after = threading.Event(), threading.Event(), threading.Event()
     commands = CommandQueue()
     with pytest.raises(DroneError, match="it does not land"):
@@ -163,22 +133,9 @@ def soon(condition: Callable[[], bool]) -> bool:
 
 def called(flight: Flight) -> list[str]:
     """Return the calls of the SDK, all of which another thread than this one has made."""
-    (thread,) = {thread for _, thread in flight.world.calls}
+    (thread,) = {thread for _, thread in flight.sdk.calls}
     assert thread != threading.get_ident()
-    return [name for name, _ in flight.world.calls]
-
-
-def test_one_thread_makes_uses_and_destroys_the_object_of_the_sdk() -> None:
-    flight = Flight(threaded=True)
-    flight.play("hovering")
-    flight.drone.send(Command(movement=Velocity(forward_mps=0.5), gimbal=GimbalTo(pitch_rad=-0.5)))
-    assert soon(lambda: "piloting" in flight.sdk.names())
-    flight.play(MoveBy(id=1, forward_m=0.3), Hover(), Release(), Land())
-    flight.drone.disconnect()
-    assert flight.world.destroyed.wait(PATIENCE_S)
-    assert {"make", "subscribe", "connect", "send", "stop_piloting", "destroy"} <= set(
-        called(flight)
-    )
+    return [name for name, _ in flight.sdk.calls]
 
 
 @pytest.mark.parametrize(
@@ -196,12 +153,9 @@ def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_threa
     limit: str,
     message: str,
 ) -> None:
-    monkeypatch.setattr(link, limit, 0.01)
-    monkeypatch.setattr(link, "COMMANDS_LIMIT_S", 0.01)
-    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
-    world = FakeWorld()
-    world.blocks = call
-    flight = Flight(world, threaded=True, connect=False)
+    for module, name in ((link, limit), (link, "COMMANDS_LIMIT_S"), (settings, "LIMIT_S")):
+        monkeypatch.setattr(module, name, 0.01)
+    flight = Flight(FakeWorld(blocks=call), threaded=True, connect=False)
     if call == "disconnect":
         flight.drone.connect()
         flight.drone.disconnect()
@@ -211,9 +165,9 @@ def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_threa
             flight.drone.connect()
     # The SDK is still busy, so no other thread may use its object.
     assert called(flight)[-1] == call
-    world.go.set()
-    assert world.destroyed.wait(PATIENCE_S)
-    assert flight.sdk.closed == ["stop video", "disconnect", "destroy"]
+    flight.world.go.set()
+    assert flight.world.destroyed.wait(PATIENCE_S)
+    assert flight.sdk.closed == ["stop", "disconnect", "destroy"]
     assert called(flight)[-1] == "destroy"
 
 
@@ -223,9 +177,7 @@ def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_threa
 )
 def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str) -> None:
     """After a take-off by a pilot the limits are set in the air, without confirmation."""
-    world = FakeWorld()
-    world.refused = set(SETTINGS)
-    flight = Flight(world, threaded=True)
+    flight = Flight(FakeWorld(refused=set(SETTINGS)), threaded=True)
     flight.play("hovering", Velocity(forward_mps=0.5))
     expected = "piloting" if isinstance(movement, Release) else "BankedTurn"  # the last setting
     assert soon(lambda: expected in flight.sdk.names())
@@ -236,29 +188,25 @@ def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str
 
 
 @pytest.mark.parametrize("fails", ["piloting", "send", "disconnect"])
-def test_a_step_of_disconnecting_that_fails_stops_no_other(
-    fails: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_it_disconnects_though_a_step_fails(fails: str, caplog: pytest.LogCaptureFixture) -> None:
     flight = Flight(threaded=True)
-    flight.play("hovering", Velocity(forward_mps=0.5))
+    flight.play("hovering", MoveBy(id=1, forward_m=0.3), Velocity(forward_mps=0.5))
     assert soon(lambda: "piloting" in flight.sdk.names())
     flight.world.fails = fails
     flight.drone.disconnect()
     assert flight.world.destroyed.wait(PATIENCE_S)
     assert "failed: TimeoutError: no answer" in caplog.text
-    assert {"send", "disconnect", "destroy"} <= set(called(flight))
+    calls = {"make", "subscribe", "connect", "send", "disconnect", "destroy"}
+    assert calls <= set(called(flight))
 
 
 def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
-    flight = Flight(threaded=True)
-    flight.sdk.event(FLYING, state="floating")  # unknown, which is no error
-    assert "unknown flying state: floating" in caplog.text
-    caplog.clear()
+    flight = Flight()
+    flight.play("floating")  # unknown, which is no error
     for _ in range(3):
         with pytest.raises(KeyError):
             flight.sdk.event(f"{STATE}.AltitudeChanged", height=1.0)
-    (record,) = caplog.records
-    assert record.getMessage() == (
-        "the drone's data cannot be used: its event ardrone3.PilotingState.AltitudeChanged"
-    )
-    flight.drone.disconnect()
+    assert caplog.messages == [
+        "the drone reports an unknown flying state: floating",
+        f"the drone's data cannot be used: its event {STATE}.AltitudeChanged",
+    ]

@@ -10,12 +10,10 @@ import pytest
 from sim_bridge.olympe import settings
 from tests.sim_bridge.olympe.fake_olympe import (
     BANKED_TURN,
-    CLIMB,
     MAX_ALTITUDE,
     MAX_TILT,
     PATIENCE_S,
     RETURN_HOME,
-    ROTATION,
     SETTINGS,
     FakeWorld,
     Flight,
@@ -23,22 +21,21 @@ from tests.sim_bridge.olympe.fake_olympe import (
 from uav_bt.types import TakeOff
 
 
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
+
+
 def test_former_values_are_restored_where_the_flight_changed_them() -> None:
     flight = Flight(FakeWorld(firmware="1.8.2"), return_home=False)
     flight.play(TakeOff())
     sent = dict(flight.sdk.sent)
     assert sent[MAX_TILT] == {"current": pytest.approx(10.0)}
-    assert sent[RETURN_HOME] == {"mode": "off"}
+    assert (sent[BANKED_TURN], sent[RETURN_HOME]) == ({"value": 0}, {"mode": "off"})
     flight.sdk.sent.clear()
     flight.drone.disconnect()
-    assert flight.sdk.sent == [
-        (MAX_TILT, {"current": 20.0}),
-        (MAX_ALTITUDE, {"current": 30.0}),
-        (CLIMB, {"current": 1.0}),
-        (ROTATION, {"current": 40.0}),
-        (BANKED_TURN, {"value": 1}),
-        (RETURN_HOME, {"mode": "on"}),
-    ]
+    former = [(name, value) for name, (_, _, value) in SETTINGS.items()]
+    assert [(name, *args.values()) for name, args in flight.sdk.sent] == former
 
 
 def test_settings_that_the_flight_did_not_change_are_not_sent() -> None:
@@ -50,44 +47,35 @@ def test_settings_that_the_flight_did_not_change_are_not_sent() -> None:
         assert not unsent & {name for name, _ in flight.sdk.sent}
 
 
-def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    world = FakeWorld(firmware="1.8.2")
-    world.refused = {MAX_TILT, BANKED_TURN}  # some firmware lacks banked turns
-    flight = Flight(world)
-    flight.play(TakeOff())
-    assert flight.sdk.names()[-1] == "TakeOff"  # nothing waits for an answer
+def test_an_unconfirmed_limit_is_a_warning_once(caplog: pytest.LogCaptureFixture) -> None:
+    # Some firmware lacks banked turns.
+    flight = Flight(FakeWorld(firmware="1.8.2", refused={MAX_TILT, BANKED_TURN}))
+    assert flight.play(TakeOff())[-1] == "TakeOff"  # nothing waits for an answer
     flight.play(1.9)
     flight.drone.observe()
-    assert caplog.text == ""
+    assert caplog.messages == []
     flight.play(0.2)
     flight.drone.observe()
     flight.drone.observe()
-    (record,) = caplog.records
-    assert record.getMessage() == (
+    assert caplog.messages == [
         f"the drone does not confirm {MAX_TILT} = 10.0 (it reports 20.0) within 2 s"
-    )
+    ]
 
 
-def test_a_late_report_is_waited_for_before_anything_is_changed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_late_report_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "LIMIT_S", PATIENCE_S)
-    world = FakeWorld(firmware="1.8.2")
-    world.unreported = {MAX_TILT}
     event = SETTINGS[MAX_TILT][0]
     later = threading.Timer(0.05, lambda: world.made[0].event(event, current=15.0))
-    world.on_connect = lambda _: later.start()
+    world = FakeWorld(firmware="1.8.2", unreported={MAX_TILT}, on_connect=lambda _: later.start())
     began_s = time.monotonic()
     flight = Flight(world)
     flight.play(TakeOff())
     flight.drone.disconnect()
-    tilts = [args["current"] for name, args in flight.sdk.sent if name == MAX_TILT]
-    assert tilts[1:] == [15.0]
+    assert flight.sdk.args(MAX_TILT)[1:] == [{"current": 15.0}]
     assert time.monotonic() - began_s < PATIENCE_S
 
 
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize(
     ("unreported", "gone", "names"),
     [
@@ -98,34 +86,23 @@ def test_a_late_report_is_waited_for_before_anything_is_changed(
     ],
 )
 def test_settings_that_cannot_be_restored_are_named(
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-    unreported: set[str],
-    gone: bool,  # noqa: FBT001
-    names: str,
+    caplog: pytest.LogCaptureFixture, unreported: set[str], names: str, *, gone: bool
 ) -> None:
-    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
-    world = FakeWorld()
-    world.unreported = unreported
-    world.refused = unreported & {BANKED_TURN}
-    flight = Flight(world)
+    flight = Flight(FakeWorld(unreported=unreported, refused=unreported & {BANKED_TURN}))
     flight.play(TakeOff())
     flight.sdk.sent.clear()
     flight.sdk.connected = not gone
     flight.drone.disconnect()
-    (record,) = caplog.records
-    assert f"the drone keeps this flight's {names}: check them" in record.getMessage()
+    (line,) = caplog.messages
+    assert f"the drone keeps this flight's {names}: check them" in line
     restored = {name for name, _ in flight.sdk.sent}
     assert restored == (set() if gone else set(SETTINGS) - unreported - {RETURN_HOME})
 
 
-def test_a_setting_that_is_not_restored_is_a_warning(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(settings, "LIMIT_S", 0.01)
-    world = FakeWorld()
-    flight = Flight(world)
+@pytest.mark.usefixtures("hurried")
+def test_a_setting_that_is_not_restored_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    flight = Flight()
     flight.play(TakeOff())
-    world.refused = {MAX_TILT}
+    flight.world.refused = {MAX_TILT}
     flight.drone.disconnect()
     assert f"does not confirm {MAX_TILT} = 20.0 (it reports None)" in caplog.text
