@@ -11,18 +11,15 @@ import onnx
 import pytest
 import torch
 
-from benchmarks.rooms import bad_rooms
-from benchmarks.rooms.bad_rooms import CASES, MIRROR_X_M, SIZE_PX, Watch, write_bad_room
-from benchmarks.rooms.furnish import FLOWN, SIDE_PX, Assets, Furnisher, Furniture, draw_surface
+from benchmarks.rooms.bad_rooms import CASES, MIRROR_X_M, write_bad_room
+from benchmarks.rooms.furnish import FLOWN, Assets, Furnisher, Furniture
 from benchmarks.rooms.network import ROOM_FILES
-from benchmarks.rooms.training import RoomImages, augment_rooms, depth_loss, train_room_net, zoomed
+from benchmarks.rooms.training import RoomImages, depth_loss, train_room_net, zoomed
 from benchmarks.rooms.views import ViewKind, draw_poses, draw_views, role_numbers
-from perception.camera.camera_file import load_camera
 from perception.networks.training.loop import LoopConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import RoomSegmenter
 from perception.segmentation.training.run import IGNORED
-from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.site import network_of
@@ -102,14 +99,6 @@ def test_no_pose_is_in_a_box_of_the_papers_lab() -> None:
         assert pose.z_m > scene.surface_m(pose.x_m, pose.y_m) + 0.2
 
 
-def test_surfaces_repeat_without_a_seam(assets: Assets) -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        image = draw_surface(assets.photographs, rng, plain=0.3)
-        assert image.shape == (SIDE_PX, SIDE_PX, 3)
-        assert image.dtype == np.uint8
-
-
 # --- bad rooms ------------------------------------------------------------------------------------
 
 
@@ -135,19 +124,6 @@ def test_a_mirror_shows_what_stands_before_it(tmp_path: Path) -> None:
     assert all(abs(x_m - MIRROR_X_M) > 0.5 for x_m, _ in places)
 
 
-def test_the_camera_file_is_wrong_by_its_factor(tmp_path: Path) -> None:
-    write_bad_room("camera x2", tmp_path / "room")
-    camera = load_camera(tmp_path / "room" / bad_rooms.CAMERA_FILE, size_px=SIZE_PX)
-    assert camera.fx_px == pytest.approx(2.0 * anafi_camera(*SIZE_PX).fx_px)
-
-
-def test_shares_of_frames() -> None:
-    watch = Watch()
-    assert set(watch.shares().values()) == {None}
-    watch.trusted_wrong, watch.followed = [False, True, False, False], [True, False]
-    assert watch.shares() == {"trusted_wrong": 0.25, "followed": 0.5}
-
-
 # --- tests for the training of the network for any room -------------------------------------------
 
 
@@ -171,14 +147,6 @@ def test_labels_follow_the_geometry_of_their_image() -> None:
     slopes = labels[:, 0, 50, -1] - labels[:, 0, 50, 0]
     assert (slopes.abs() < 0.8).all()
     assert {bool(each > 0) for each in slopes} == {True, False}
-
-
-def test_images_stay_in_range_under_every_change() -> None:
-    rgb = torch.rand(8, 3, 112, 224, generator=torch.Generator().manual_seed(3))
-    changed, _ = augment_rooms(rgb, rgb[:, :1], torch.Generator().manual_seed(4))
-    assert changed.isfinite().all()
-    assert 0.0 <= changed.min() <= changed.max() <= 1.0
-    assert (changed - rgb).abs().mean() > 0.05
 
 
 def test_a_common_factor_costs_less_than_a_wrong_shape() -> None:
