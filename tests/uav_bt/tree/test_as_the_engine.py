@@ -132,18 +132,6 @@ def test_a_folder_with_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.M
     assert len(files_in(tmp_path)) == 2
 
 
-def test_a_project_file_holds_the_trees_that_it_includes(tmp_path: Path) -> None:
-    project = tmp_path / "all.btproj"
-    includes = '<include path="a.xml"/><include path="b.xml"/>'
-    project.write_text(f'<root BTCPP_format="4" project_name="All">{includes}</root>')
-    (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B"/>'))
-    (tmp_path / "b.xml").write_text(tree("B", "<Safe/>"))
-    assert check_file(project, REGISTRY) == ()
-    assert load_tree(project, REGISTRY).name == "A"
-    assert load_tree(project, REGISTRY, tree_id="B").name == "B"
-    assert project in files_in(tmp_path)
-
-
 def test_files_above_are_included_when_allowed(tmp_path: Path) -> None:
     (tmp_path / "trees").mkdir()
     (tmp_path / "package").mkdir()
