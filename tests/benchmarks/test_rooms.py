@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import cv2
 import numpy as np
-import onnx
 import pytest
 import torch
 
@@ -171,10 +169,8 @@ def test_training_learns_roles_and_depth() -> None:
     assert (net.predict_roles(images.rgb[0])[8:] == images.roles[0][8:]).mean() > 0.9
 
 
-def test_the_shipped_file_was_made_from_the_shipped_weights() -> None:
+def test_the_shipped_network_answers_as_its_weights_do() -> None:
     file, weights = SHIPPED_WEIGHTS / "any.onnx", SHIPPED_WEIGHTS / "any.safetensors"
-    properties = {each.key: each.value for each in onnx.load(file).metadata_props}
-    assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
     net, _ = ROOM_FILES.load(weights)
     size = (net.config.width_px, net.config.height_px)
     flies = RoomSegmenter(file, load_lab("depot").classes)
