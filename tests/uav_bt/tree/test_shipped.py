@@ -61,21 +61,6 @@ def test_a_starter_is_the_shipped_mission_with_a_comment(tmp_path: Path, start: 
     assert sketch(parse_tree(text).root) == sketch(shipped.root)
 
 
-def test_refusals_leave_the_files_as_they_are(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no tree file"):
-        tree_files(tmp_path)
-    path = tmp_path / "mine.xml"
-    path.write_text("mine", encoding="utf-8")
-    for wrong, message in (
-        (path, "not overwritten"),
-        (tmp_path / "absent" / "mine.xml", "cannot be written: No such file"),
-        (tmp_path / "mine.txt", r"ends in \.xml"),
-    ):
-        with pytest.raises(FileError, match=message):
-            write_starter(wrong)
-    assert [one.read_text(encoding="utf-8") for one in tmp_path.iterdir()] == ["mine"]
-
-
 # --- described trees: by their ID as a tag, in Python, and mocked as a whole ----------------------
 
 CASES = cases("missions")

@@ -25,7 +25,7 @@ from tests.uav_bt.learning.frames_world import write_video
 from tests.worlds.footage import camera_file, frame, state, write_record
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
@@ -247,17 +247,6 @@ def test_masks_are_class_ids_by_the_names_of_images(tmp_path: Path, images: list
     assert [one["id"] for one in listed] == list(range(len(classes)))
     assert listed[classes.ground]["role"] == "ground"
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
-
-
-def test_no_output_overwrites_a_network_or_other_files(tmp_path: Path, images: list[Image]) -> None:
-    folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
-    network.write_bytes(b"a network")
-    options = PerceiveOptions(segmentation=str(network), model="contact")
-    with pytest.raises(InputError, match="is an input and would be overwritten"):
-        perceive.perceive(str(folder), options, lines=network)
-    assert network.read_bytes() == b"a network"
-    with pytest.raises(FileError, match="has files"):
-        perceive.perceive(str(folder), CONTACT, masks=tmp_path)
 
 
 def test_only_photographs_are_perceived_by_roles(tmp_path: Path, images: list[Image]) -> None:
