@@ -216,11 +216,6 @@ def test_what_is_no_landing_mark_is_refused(
         plugins.make_mark_finder(MARK)
 
 
-def test_an_unknown_landing_mark_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"unknown landing mark 'beacon'.*apriltag.*helipad"):
-        plugins.make_mark_finder(MARK)
-
-
 @pytest.mark.parametrize(
     "wrong", [{"forward_m": math.nan}, {"confidence": 1.2}, {"heading_deg": math.inf}]
 )

@@ -75,10 +75,11 @@ def test_a_tree_is_drawn_in_ascii_by_default(tmp_path: Path) -> None:
     assert out.read_text(encoding="utf-8").startswith("<?xml")
 
 
-def test_a_foreign_tree_is_drawn_with_its_palette(tmp_path: Path) -> None:
+def test_a_foreign_tree_is_checked_and_drawn_with_its_palette(tmp_path: Path) -> None:
     palette = tmp_path / "palette.xml"
     palette.write_text('<TreeNodesModel><Action ID="Dock"/></TreeNodesModel>', encoding="utf-8")
     path = tree_file(tmp_path, "<Dock/>")
+    assert run("check", path, "--palette", palette).stdout == f"{path}: good\n"
     assert run("tree", "render", path, "--palette", palette).stdout == "Main\n`-- Dock\n"
     assert 'name="node.Dock"' in run("tree", "schema", "--palette", palette).stdout
     assert_refused(run("tree", "render", path), "unknown node 'Dock'", "mission.xml:3:1")
