@@ -156,12 +156,8 @@ WRITERS: Final[dict[str, Callable[[Path], object]]] = {
     "labels": lambda path: write_labels(path, np.ones((2, 2, 4, 6), np.float16)),
     "views": write_views,
     "weights": lambda path: write_weights(path, {"a": np.zeros(99)}, kind="a", details={}),
-    "picks": lambda path: write_picks(
-        path, [Pick(image="a.png", x=3, y=4, class_id=1)] * 9, CLASSES
-    ),
-    "camera": lambda path: write_camera(
-        path, LayoutTrial(8, 5, ("a",), 0.2, 0.2, pinhole(64, 36), 0.1)
-    ),
+    "picks": lambda path: write_picks(path, [PICK] * 9, CLASSES),
+    "camera": lambda path: write_camera(path, TRIAL),
 }
 """Writers of further files, and of those whose commands take long."""
 

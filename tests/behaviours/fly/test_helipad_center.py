@@ -135,6 +135,18 @@ def test_it_climbs_first_and_without_a_sight_of_the_pad_looks_from_higher() -> N
     assert bench.proposed is None
 
 
+def test_time_in_which_a_person_flies_does_not_count() -> None:
+    """Neither until it climbs for a wider view nor until the pad is lost."""
+    bench = climbed(give_up_s=5.0)
+    look(bench, None, seconds=1.0, ended=1)
+    search(bench, 0.5)
+    assert look(bench, None, seconds=60.0) is Status.RUNNING
+    search(bench, 0.9)
+    assert bench.proposed is None
+    search(bench, 0.2)
+    assert step(bench).down_m < 0.0
+
+
 @pytest.mark.parametrize("seconds", [0.1, 10.0])
 def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: float) -> None:
     """The altimeter gives the remaining descent, also after a take-over."""

@@ -104,9 +104,10 @@ def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
     [
         (tree("Lost", "<Safe/>").encode()[:-3], "not well-formed XML"),
         (tree("Lost\u00e9", "<Safe/>").encode("latin-1"), "save it as UTF-8"),
+        (tree("Lost", "<Safe/>").encode("utf-16-le"), "save it as UTF-8"),
         (tree("Lost", "<Safe/>").encode() + b" " * 2_000_000, "larger than 2000000 bytes"),
     ],
-    ids=["no XML", "Latin 1", "2 MB"],
+    ids=["no XML", "Latin 1", "UTF-16", "2 MB"],
 )
 def test_a_tree_in_a_file_that_cannot_be_read_is_missed_with_the_reason(
     tmp_path: Path, data: bytes, reason: str

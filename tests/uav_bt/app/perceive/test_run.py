@@ -249,6 +249,14 @@ def test_masks_are_class_ids_by_the_names_of_images(tmp_path: Path, images: list
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
 
 
+def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> None:
+    folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
+    network.write_bytes(b"a network")
+    with pytest.raises(InputError, match="is an input and would be overwritten"):
+        look(folder, replace(CONTACT, segmentation=str(network)), out=network)
+    assert network.read_bytes() == b"a network"
+
+
 def test_only_photographs_are_perceived_by_roles(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     flown = write_flight(tmp_path / "flight.mcap", images[:1])

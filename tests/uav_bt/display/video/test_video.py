@@ -120,6 +120,8 @@ def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
 def test_a_wrong_name_or_speed_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"must end in \.mp4"):
         open_file(tmp_path / "flight.avi")
+    with pytest.raises(FileError, match="does not exist"):
+        open_file(tmp_path / "nowhere" / "flight.mp4")
     with pytest.raises(ValueRangeError, match=r"0\.1 to 100 times"):
         open_film(tmp_path / "flight.mp4", speed=0.0)
     assert list(tmp_path.iterdir()) == []
