@@ -24,15 +24,15 @@ class Option:
         form: Flag and placeholder of the value, as `--set NODE.PORT=VALUE`. Default flag: the name
             of the field or parameter.
         group: Heading in the help; fields of `FlightOptions` without one are for Python only.
-        of_drone: Whether a drone's configuration has a field of its name.
+        of_drone: Whether a drone's configuration has a field with the name of this option.
         path: What a path is: a file that is read or written, or a folder that is written.
         suffix: How the name of a written file ends.
         alone: The text when the flag stands alone. None: the flag needs a value.
         read: Makes the value from the text, or from all texts of a repeated option.
         write: Makes the text of a default.
-        parts: Makes the value from further options, its parameters.
-        only: Those parameters of `parts` that are options; empty: all.
-        defaults: Other defaults of these parameters.
+        parts: A function that makes the value; each of its parameters becomes an option.
+        only: The parameters of `parts` that become options; empty: all.
+        defaults: Defaults in place of those of the parameters of `parts`.
     """
 
     help: str = ""

@@ -1,8 +1,9 @@
-"""The interfaces of the system: drone, referee, clock, cameras, network and policy."""
+"""The interfaces of the system: drone, referee, clock, cameras, network, policy and progress."""
 
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -29,6 +30,13 @@ from uav_bt.types import (
 )
 from uav_bt.types.ground import Ground
 from uav_bt.types.site_map import SiteMap
+
+Advance = Callable[[str, int, int], None]
+"""Progress of long work: the stage's name, the steps done and the total number of steps."""
+
+
+def silent(_stage: str, _done: int, _total: int) -> None:
+    """Report no progress."""
 
 
 @runtime_checkable

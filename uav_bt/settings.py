@@ -1,13 +1,15 @@
-"""Checks of settings: numbers by the types of their fields, and choices."""
+"""Checks of settings: numbers by the types of their fields, and choices; their short text."""
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, fields
 from numbers import Integral, Real
 from typing import Any, Final, TypeVar
+
+import numpy as np
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 
@@ -48,3 +50,21 @@ def member(name: str, value: object, choices: type[Choice]) -> Choice:
     except ValueError:
         known = [str(choice.value) for choice in choices]
         raise UnknownNameError(name, f"{value}", known) from None
+
+
+def brief_repr(value: Any) -> str:
+    """Return a dataclass object as the code that creates it, without default values.
+
+    Arrays are shown by shape and type. It is for `__repr__ = brief_repr` in a class's body.
+    """
+    return f"{type(value).__qualname__}({', '.join(_given(value))})"
+
+
+def _given(value: Any) -> Iterator[str]:
+    for each in fields(value):
+        default = each.default if each.default_factory is MISSING else each.default_factory()
+        here = getattr(value, each.name)
+        if isinstance(here, np.ndarray):
+            yield f"{each.name}=<{'x'.join(map(str, here.shape))} {here.dtype}>"
+        elif default is MISSING or here != default:
+            yield f"{each.name}={here!r}"

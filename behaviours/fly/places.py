@@ -81,7 +81,7 @@ class PlaceLeaf(CourseLeaf):
         self._progress_s = self._worked_s = self.leaf_clock.now()
 
     def gives_way(self) -> bool:
-        """Give way if the port is set; that time does not count as time without progress.
+        """Avoid a mover if the port `gives_way` is set; that time is not one without progress.
 
         The leaf calls it once in a tick.
         """

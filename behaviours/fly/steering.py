@@ -67,7 +67,7 @@ class SteeringLeaf(CourseLeaf):
         return None if flight_rad is None else self.ground_pitch_rad(flight_rad)
 
     def gives_way(self) -> bool:
-        """Give way if the port `gives_way` is set; False if not, or if nothing comes too near."""
+        """Avoid a mover that comes too near, if the port is set; return whether it does so."""
         return bool(self.port_value(GIVES_WAY.name)) and self.give_way()
 
     def moving(self, state: DroneState) -> bool:

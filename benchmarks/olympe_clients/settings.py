@@ -1,5 +1,5 @@
 # ruff: noqa: S101 - as a user of the SDK would write it
-"""Settings are taken within their bounds and confirmed, and the drone describes itself."""
+"""Settings are taken within their bounds and confirmed, a hundred in a row, too."""
 
 import os
 
@@ -36,4 +36,9 @@ assert drone.get_state(GPSFixStateChanged)["fixed"] == 1
 assert abs(drone.get_state(HomeChanged)["latitude"] - 48.8789) < 1e-3
 assert drone(GpsLocationChanged(_policy="wait", _timeout=3)).wait().success()
 assert drone.get_state(battery.alert)
+
+for number in range(100):
+    wanted = 5.0 + number % 20
+    assert drone(MaxTilt(wanted)).wait(_timeout=10).success(), number
+    assert drone.get_state(MaxTiltChanged)["current"] == wanted
 assert drone.disconnect()

@@ -20,7 +20,7 @@ import numpy as np
 
 from perception.camera.checkerboards import MIN_CORNERS, Corners, Photographs, find_boards, shows
 from uav_bt.errors import InputError
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats, Floats32
 

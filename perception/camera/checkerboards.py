@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.progress import Advance
+from uav_bt.protocols import Advance
 from uav_bt.types.arrays import Floats32, Image
 
 Corners = Floats32  # (rows, columns, 2): image column and row of each corner, px

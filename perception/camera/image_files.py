@@ -68,9 +68,9 @@ class Orientation:
         return np.ascontiguousarray(shown[::rows, ::columns])
 
     def camera(self, raw: CameraModel) -> CameraModel:
-        """Return the camera of shown images from the camera of raw ones.
+        """Return the camera of the images as shown, from that of the images as stored.
 
-        ValueRangeError if they are turned and the lens has more numbers than k1, k2, p1, p2, k3.
+        ValueRangeError if they are turned for it and the lens has more than k1, k2, p1, p2, k3.
         """
         if self.upright:
             return raw

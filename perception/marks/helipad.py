@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.marks.options import Options, read_options
-from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.landing_marks import MarkSighting, MarkView, Options, read_options
 from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 

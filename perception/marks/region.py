@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.marks.options import Options, read_options
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import MARK, LabClasses
-from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.landing_marks import MarkSighting, MarkView, Options, read_options
 from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.arrays import Image, Indices
 from uav_bt.types.projection import pixel_rays

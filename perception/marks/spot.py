@@ -21,8 +21,7 @@ from perception.marks.ground_texture import (
     ground_texture,
     mean_texture,
 )
-from perception.marks.options import Options, read_options
-from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.landing_marks import MarkSighting, MarkView, Options, read_options
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.arrays import Image
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from pydantic import Field, model_validator
 
-from perception.marks.options import Options, read_options
 from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.landing_marks import Options, read_options
 from uav_bt.types import LandingMark
 from uav_bt.types.arrays import Floats, Image
 

@@ -22,7 +22,7 @@ from tests.sim_bridge.lossy_proxy import lossy
 
 ROOT = Path(__file__).parents[2]
 CLIENTS = ROOT / "benchmarks" / "olympe_clients"
-FAULTS = ROOT / "benchmarks" / "olympe_faults"
+LEFT = ROOT / "benchmarks" / "olympe_faults" / "left.py"
 PATIENCE_S = 240.0
 OLYMPE = importlib.util.find_spec("olympe")
 # Examples that Parrot's wheel brings, without those of other drones, of recordings, and with
@@ -62,10 +62,12 @@ def served(address: str, *options: str) -> Iterator[subprocess.Popen[str]]:
             server.send_signal(signal.SIGINT)
 
 
-def start(script: Path, address: str, folder: Path | None = None) -> subprocess.Popen[str]:
+def start(
+    script: Path, address: str, *arguments: str, folder: Path | None = None
+) -> subprocess.Popen[str]:
     """Start a program in a folder; it imports nothing from its own (-P)."""
     return subprocess.Popen(  # noqa: S603
-        [sys.executable, "-P", str(script)],
+        [sys.executable, "-P", str(script), *arguments],
         env=os.environ | {"DRONE_IP": address},
         cwd=folder,
         stdin=subprocess.PIPE,
@@ -90,47 +92,46 @@ def prints(program: subprocess.Popen[str], line: str) -> None:
 @pytest.mark.parametrize("script", programs(), ids=lambda script: script.stem)
 def test_a_program_flies(script: Path, tmp_path: Path) -> None:
     options = ["--skycontroller"] if script.stem == "skycontroller" else []
-    with served("127.0.2.1", *options):
-        finish(start(script, "127.0.2.1", tmp_path))
+    with served("127.0.5.1", *options):
+        finish(start(script, "127.0.5.1", folder=tmp_path))
 
 
 def test_three_drones_fly_at_once() -> None:
-    first, second, third = addresses = [f"127.0.2.{number}" for number in (2, 3, 4)]
+    first, second, third = addresses = [f"127.0.5.{number}" for number in (2, 3, 4)]
     with served(first), served(second), served(third), ThreadPoolExecutor() as pool:
         list(pool.map(lambda address: finish(start(CLIENTS / "move_by.py", address)), addresses))
 
 
 def test_a_drone_whose_program_dies_hovers_and_the_next_program_lands_it() -> None:
-    with served("127.0.2.5"):
-        program = start(FAULTS / "flies_on.py", "127.0.2.5")
+    with served("127.0.5.5"):
+        program = start(LEFT, "127.0.5.5", "flies")
         prints(program, "flying")
         program.kill()
         program.communicate()
-        finish(start(FAULTS / "lands_it.py", "127.0.2.5"))
+        finish(start(LEFT, "127.0.5.5", "lands"))
 
 
 def test_a_program_whose_drone_dies_finds_the_next_one() -> None:
-    program = start(FAULTS / "is_left.py", "127.0.2.6")
+    program = start(LEFT, "127.0.5.6", "waits")
     assert program.stdin is not None
-    with served("127.0.2.6") as server:
+    with served("127.0.5.6") as server:
         prints(program, "flying")
         server.kill()
     program.stdin.write("\n")
     program.stdin.flush()
     prints(program, "left")
-    with served("127.0.2.6"):
+    with served("127.0.5.6"):
         finish(program, "\n")
 
 
 @pytest.mark.parametrize(
     "script",
-    [FAULTS / "hundred_settings.py", CLIENTS / "move_by.py", CLIENTS / "piloting.py"],
-    ids=lambda script: script.stem,
+    ["settings", "move_by", "piloting"],
 )
-def test_a_network_that_loses_doubles_and_delays_loses_no_order(script: Path) -> None:
+def test_a_network_that_loses_doubles_and_delays_loses_no_order(script: str) -> None:
     async def fly() -> None:
-        async with lossy("127.0.2.8", "127.0.2.7", seed=0):
-            await asyncio.to_thread(finish, start(script, "127.0.2.8"))
+        async with lossy("127.0.5.8", "127.0.5.7", seed=0):
+            await asyncio.to_thread(finish, start(CLIENTS / f"{script}.py", "127.0.5.8"))
 
-    with served("127.0.2.7"):
+    with served("127.0.5.7"):
         asyncio.run(fly())

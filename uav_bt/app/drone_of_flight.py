@@ -177,9 +177,9 @@ def with_faults(drone: Drone, texts: Sequence[str]) -> Drone:
 
 
 class CalibratedDrone(DroneWrapper):
-    """Flies another drone, with a camera file in place of its intrinsics.
+    """Wraps a drone and replaces its intrinsics by those of a camera file.
 
-    The file is for any size of the frames' aspect, and read when their size is known.
+    The file fits every frame size of the same aspect; it is read once the size is known.
     """
 
     def __init__(self, drone: Drone, camera_file: Path) -> None:

@@ -17,7 +17,6 @@ from pydantic.dataclasses import dataclass
 from sim_bridge.twin.layout import MAX_MOVERS
 from uav_bt.app import option_values as values
 from uav_bt.app.site import Site, load_site, site_of_lab
-from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address, load_lab
@@ -27,6 +26,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.option import Option, option_of
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record import Quality
+from uav_bt.settings import brief_repr
 from uav_bt.tree.loading.lookup import Folders, TreeFolders, TreeId
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables

@@ -71,7 +71,7 @@ def version_of(package: str) -> str:
 
 
 def weights_of(*missions: MissionTree) -> dict[str, str]:
-    """Return the SHA-256 by name of the files of `files_of`."""
+    """Return the SHA-256 of each network file that the missions use, by the file's name."""
     files = {file.name: file for mission in missions for file in files_of(mission)}
     return {name: _file_sha256(file, file.stat().st_mtime_ns) for name, file in files.items()}
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from perception.networks.weights_file import ANY
-from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError
 from uav_bt.lab.flight_keys import FlightKeys, NetworkKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import Lab
@@ -20,7 +19,7 @@ from uav_bt.lab.lab_file import lab_text
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.settings import check_numbers
+from uav_bt.settings import brief_repr, check_numbers
 from uav_bt.types import Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
 from uav_bt.yaml_file import YamlFile, read_yaml

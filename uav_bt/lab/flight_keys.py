@@ -30,10 +30,10 @@ from typing import Annotated, Any, NotRequired
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema
 from typing_extensions import TypedDict
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.plugins import make_mark_finder
+from uav_bt.settings import brief_repr
 from uav_bt.types.place_frames import check_area
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.sizes import MAX_HEIGHT_M, Clearances, LandingMark

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
+from uav_bt.settings import brief_repr
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.sizes import LandingMark
 

@@ -16,8 +16,7 @@ from perception.depth.training.footage import Flight, gathered, shrink
 from perception.networks.onnx_runtime import shrunk
 from uav_bt.errors import FileError
 from uav_bt.learning.lab_material import fingerprint
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import Advice, Segmenter
+from uav_bt.protocols import Advance, Advice, Segmenter, silent
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader, flight_record, footage
 from uav_bt.types import DroneState, Frame

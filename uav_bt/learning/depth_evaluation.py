@@ -24,8 +24,7 @@ from perception.depth.metric import LEAST_CONFIDENCE, MAX_DEPTH_M, MetricDepthMa
 from perception.depth.scale import GroundSample, Scale, ScaleEstimator
 from uav_bt.lab.classes import GROUND, OBSTACLE
 from uav_bt.learning.views import MAP_SIZE_PX, VIDEO, DepthViewPlan, Masks, SampleImage, take_images
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
 from uav_bt.types import ClassMap, DepthMap, Frame
 from uav_bt.types.arrays import Floats, Floats32, Indices
 

@@ -23,8 +23,7 @@ from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.landing_marks import MarkFinder, MarkView
 from uav_bt.plugins import make_mark_finder
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import Segmenter
+from uav_bt.protocols import Advance, Segmenter, silent
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader, flight_record, footage
 from uav_bt.types import LandingMark

@@ -26,7 +26,7 @@ from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, writing
 from uav_bt.learning.lab_material import fingerprint
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.record.reader import RECORD_SUFFIX
 
 _VIDEO_SUFFIXES: Final = (
@@ -85,7 +85,7 @@ def _files(path: Path, own: Path) -> list[Path]:
             path, f"there is no such video, photograph or folder{did_you_mean_file(path)}"
         )
     if own.resolve() in (path.resolve(), *path.resolve().parents):
-        raise FileError(path, "is in the folder of the lab's images; name the videos they are from")
+        raise FileError(path, "is among the lab's own images: give the videos that they came from")
     if not path.is_dir():
         return [path]
     found = [

@@ -31,7 +31,7 @@ from uav_bt.files import whole_file
 from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.lab.lab_file import lab_text
 from uav_bt.learning.lab_material import LabMaterial, Use
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types.arrays import Image
 
 _LEAST_IMAGES: Final = 4

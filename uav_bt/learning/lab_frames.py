@@ -18,7 +18,7 @@ from uav_bt.lab.lab import Lab
 from uav_bt.learning import frame_sources
 from uav_bt.learning.frame_sources import Candidate, FrameSource, is_photograph
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 
 DEFAULT_COUNT: Final = 300
 FEW: Final = 40

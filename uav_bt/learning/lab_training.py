@@ -18,7 +18,7 @@ from perception.segmentation.training.pick_images import PickImages
 from perception.segmentation.training.run import TrainingConfig
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from uav_bt.learning.lab_data import LabData, MaskSource, digest, make_masks, mask_files
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 
 WEIGHTS_FILE: Final = "unet.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / WEIGHTS_FILE

@@ -20,7 +20,7 @@ from uav_bt.files import write_whole
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types.arrays import Image
 
 Segment = Callable[[Image], Image]

@@ -17,7 +17,7 @@ from perception.networks.training.network_files import NetworkFiles
 from perception.segmentation.training.unet import UNET_FILES
 from uav_bt.errors import WeightsError
 from uav_bt.learning.views import ViewPlan, twin_views
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types.arrays import Image
 
 Network = Literal["depth", "student"]

@@ -20,8 +20,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.sensors import Sensors
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
 from uav_bt.types import ClassMap, DepthMap, FlyingState, Frame
 from uav_bt.types.arrays import Image
 

@@ -215,7 +215,7 @@ def _constructor_ports(
     try:
         hints = get_type_hints(behaviour.__init__)
     except NameError as error:
-        raise InputError(f"{where}: an annotation of its constructor: {error}") from error
+        raise InputError(f"{where}: an unknown type in its constructor: {error}") from error
     for name, argument in inspect.signature(behaviour).parameters.items():
         if name == "name" or argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD):
             continue

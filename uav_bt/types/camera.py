@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.lab.classes import GROUND, MARK, LabClasses
+from uav_bt.settings import brief_repr
 from uav_bt.types.drone_state import Attitude
 
 

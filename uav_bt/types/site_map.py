@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError
 from uav_bt.lab.classes import LabClasses
+from uav_bt.settings import brief_repr
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.surroundings import NearObstacles

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError
+from uav_bt.settings import brief_repr
 
 
 @dataclass(frozen=True, kw_only=True)

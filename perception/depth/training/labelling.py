@@ -31,8 +31,7 @@ from perception.mapping.view import View
 from perception.odometry.ground import GroundOdometry
 from uav_bt.errors import FileError
 from uav_bt.files import whole_file
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import Segmenter
+from uav_bt.protocols import Advance, Segmenter, silent
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Flags, Floats, Floats32, Image
 

@@ -30,7 +30,7 @@ from perception.segmentation.training.picks import (
 )
 from uav_bt.errors import FileError, ValueRangeError, did_you_mean
 from uav_bt.lab.classes import GROUND, LabClasses
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types.arrays import Image
 
 # The teacher at half of its size: a person waits for it.

@@ -15,7 +15,7 @@ from perception.camera.checkerboards import find_any_board, find_board, find_boa
 from sim_bridge.anafi import anafi_camera
 from tests.worlds.tables import cases
 from uav_bt.errors import FileError, InputError
-from uav_bt.progress import silent
+from uav_bt.protocols import silent
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats32, Image
 

@@ -222,7 +222,7 @@ def test_what_could_be_read_of_a_cut_video_is_used(hall: Hall) -> None:
 
 def test_the_labs_own_images_and_foreign_formats_are_no_source(hall: Hall, tmp_path: Path) -> None:
     hall.take(hall.video("a.mp4", walk(2)))
-    with pytest.raises(FileError, match="is in the folder of the lab's images"):
+    with pytest.raises(FileError, match="is among the lab's own images"):
         hall.take(hall.frames)
     for name in "ab":
         (tmp_path / f"{name}.png").write_text(f"no image {name}")

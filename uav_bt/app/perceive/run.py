@@ -28,7 +28,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.flight_report import Percentiles
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.record.images import encode_bytes
 from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.types import CameraModel

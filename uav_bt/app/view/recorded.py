@@ -25,7 +25,7 @@ from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.files import parse_json, write_whole
 from uav_bt.mission.tick import TickListener, TickRecord
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, parse_tree

@@ -11,10 +11,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Final
 
-from uav_bt.brief import brief_repr
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.option import Option, pairs
+from uav_bt.settings import brief_repr
 from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
