@@ -117,6 +117,25 @@ def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
     assert times[-1] == pytest.approx(2.1)
 
 
+class FullDisk:
+    """Replaces the stream of the encoder."""
+
+    def encode(self, image: object) -> None:
+        del image
+        raise OSError(28, "No space left on device")
+
+
+def test_a_full_disk_ends_no_flight_and_closing_says_so(tmp_path: Path) -> None:
+    world, file = World(), open_film(tmp_path / "flight.mp4")
+    video = FlightVideo(file, world.board, facts())
+    fly(video, world, 1)
+    file._stream = FullDisk()
+    fly(video, world, 3)
+    with pytest.raises(FileError, match="No space left"):
+        file.close()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_wrong_name_or_speed_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"must end in \.mp4"):
         open_file(tmp_path / "flight.avi")
