@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -14,7 +12,8 @@ from typing import NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.worlds.processes import ROOT, python
+
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 
 # The vocabulary: the single-file modules of `uav_bt`, and the package `types`.
@@ -226,13 +225,7 @@ KNOWN = ["behaviours.nodes", "behaviours.perceive.depth", "behaviours.perceive.s
     ],
 )
 def test_what_flies_needs_no_torch_and_what_is_listed_no_numba(code: str) -> None:
-    done = subprocess.run(  # noqa: S603  # our own interpreter and code
-        [sys.executable, "-c", f"import sys; {code}"],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-    )
+    done = python("-c", f"import sys; {code}")
     assert done.returncode == 0, done.stderr
 
 

@@ -5,10 +5,7 @@ Each program runs in a new process: a report is sent when a library is imported.
 
 from __future__ import annotations
 
-import os
 import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
+from tests.worlds.processes import ROOT, python
 
 # With these variables libraries assume a test machine, where they never report.
 TEST_MACHINES = ("CI", "TF_BUILD", "JENKINS_URL", "PYTEST_CURRENT_TEST", "ORT_DISABLE_TELEMETRY")
@@ -74,19 +73,20 @@ def proxy() -> Iterator[tuple[str, list[str]]]:
     "program", [PERCEIVE, FLY, EXPORT, VIEW], ids=["perceive", "fly", "export", "view"]
 )
 def test_nobody_is_called_and_the_home_folder_keeps_our_caches_only(
-    program: str, tmp_path: Path
+    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     home, work = tmp_path / "home", tmp_path / "work"
     for folder in (home, work / "views"):
         folder.mkdir(parents=True)
     cv2.imwrite(str(work / "views" / "1.png"), np.full((90, 160, 3), 120, np.uint8))
-    kept = {name: value for name, value in os.environ.items() if name not in TEST_MACHINES}
+    for name in TEST_MACHINES:
+        monkeypatch.delenv(name, raising=False)
     with proxy() as (address, asked):
-        done = subprocess.run(  # noqa: S603 - our own interpreter
-            [sys.executable, "-c", program],
-            cwd=work,
-            env={
-                **kept,
+        done = python(
+            *("-c", program),
+            folder=work,
+            timeout=120,
+            environment={
                 "HOME": str(home),
                 "XDG_CACHE_HOME": str(home / ".cache"),
                 "XDG_CONFIG_HOME": str(home / ".config"),
@@ -94,12 +94,8 @@ def test_nobody_is_called_and_the_home_folder_keeps_our_caches_only(
                 "MESA_SHADER_CACHE_DISABLE": "true",  # the driver's cache is not a report
                 "https_proxy": address,
                 "HTTPS_PROXY": address,
-                "PYTHONPATH": str(Path(__file__).parents[1]),
+                "PYTHONPATH": str(ROOT),
             },
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
         )
     assert done.returncode == 0, done.stderr
     assert asked == []

@@ -20,7 +20,6 @@ from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt import __version__
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
-from uav_bt.tree.loading.loader import check_file
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
@@ -51,11 +50,6 @@ MODULES = [path for room in ROOMS for path in files_below(ROOT / room) if path.s
 
 
 # --- shipped files --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "trees").glob("*.xml")), ids=lambda p: p.stem)
-def test_every_shipped_tree_file_is_good(path: Path) -> None:
-    assert check_file(path) == ()
 
 
 def test_every_shipped_scene_loads_under_its_own_name() -> None:

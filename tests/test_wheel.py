@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.worlds.processes import ROOT, python
+
 ROOMS = ("uav_bt", "labs", "perception", "sim_bridge", "behaviours", "trees")
 FLY = """\
 <root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
@@ -31,14 +30,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
-    built = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [
-            *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
-            *("--no-build-isolation", "--wheel-dir", str(out), str(copy)),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    built = python(
+        *("-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
+        *("--no-build-isolation", "--wheel-dir", out, copy),
     )
     assert built.returncode == 0, built.stderr
     (path,) = out.glob("*.whl")
@@ -56,14 +50,8 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def uav_bt(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the installed package in a folder far from the checkout."""
-    return subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt", *arguments],
-        env={**os.environ, "PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        check=False,
-    )
+    where = {"PYTHONPATH": str(installed)}
+    return python("-m", "uav_bt", *arguments, folder=folder, environment=where)
 
 
 def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:

@@ -77,16 +77,6 @@ def test_every_kind_says_what_is_expected() -> None:
     assert faults.EXPECTED.keys() == faults.KINDS.keys()
 
 
-def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
-    """After a refused landing the drone still flies; it had kept its position in the descent."""
-    facts = short_flight("no-landing@explore", tmp_path, 9.0)()
-    assert facts.began_s is not None
-    assert facts.motors_on
-    assert facts.height_m > 0.3
-    assert not facts.touched
-    assert facts.report_whole
-
-
 # --- the command ----------------------------------------------------------------------------------
 
 

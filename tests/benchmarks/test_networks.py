@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.confidence import JudgedScale, fitted, table
-from benchmarks.lab_views import copy_lab, draw_twin_picks, write_views
+from benchmarks.confidence import JudgedScale, fitted
+from benchmarks.lab_views import copy_lab, write_views
 from benchmarks.segmentation import evaluate_segmentation, main, scenes_of
 from perception.camera.image_files import read_image
 from perception.depth.confidence import COEFFICIENTS
-from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
-from perception.segmentation.teacher import TeacherConfig, fit_teacher, load_teacher
-from perception.segmentation.training.picks import gather_patches
+from perception.segmentation.teacher import TeacherConfig
 from tests.paper_lab import CLASSES
 from tests.uav_bt.learning.lab_world import write_colour_network
 from uav_bt.errors import FileError, InputError
@@ -28,20 +25,6 @@ from uav_bt.learning.lab_data import checked_data
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
-PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
-
-
-def test_a_teacher_learns_the_twins_patterns_by_picks_in_every_scene() -> None:
-    picks = draw_twin_picks(PLAN, SMALL, 1200)
-    assert 1000 < len(picks) < 1600
-    assert {pick.image[:7] for pick in picks} == {"train-a", "train-b"}
-    assert {pick.origin for pick in picks} == {"simulated"}
-    images = ((name, rgb) for name, rgb, _ in twin_views(PLAN))
-    teacher = fit_teacher(gather_patches(picks, images, SMALL.patch_px, CLASSES), SMALL)
-    plan = replace(PLAN, scenes=("val-a",), views=10)
-    score = evaluate_segmentation(teacher.window_ids, plan, CLASSES)
-    assert score.images == 10
-    assert score.role_miou > 0.8
 
 
 def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
@@ -49,10 +32,6 @@ def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
         scenes=VALIDATION_SCENES, views=15, size_px=(640, 360), truth_size_px=(224, 112), seed=5
     )
     assert evaluate_segmentation(shipped_unet().ids, plan, CLASSES).role_miou >= 0.96
-
-
-def test_the_shipped_teacher_knows_all_classes() -> None:
-    assert load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", CLASSES).known == tuple(range(17))
 
 
 def test_scenes_are_those_of_the_lab() -> None:
@@ -129,17 +108,3 @@ def test_the_fit_finds_the_measure_that_tells() -> None:
     assert in_the_middle(found) == pytest.approx(0.0, abs=0.5)
     strict = fitted(judged(), wrong_weight=10.0)
     assert in_the_middle(strict) < in_the_middle(found) - 1.0
-
-
-def test_the_table_counts_by_condition_and_over_a_half() -> None:
-    scales = judged()
-    counts = Counter((each.right, each.confidence > 0.5) for each in scales)
-    lines = dict(line.split(": ", 1) for line in table(scales).splitlines())
-    assert (
-        lines["paper, own network"]
-        == lines["all"]
-        == (
-            f"{counts[True, True]} right scales trusted, {counts[True, False]} doubted; "
-            f"{counts[False, True]} wrong, {counts[False, False]}"
-        )
-    )

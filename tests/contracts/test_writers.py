@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import resource
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,12 +23,12 @@ from tests.uav_bt.campaign.campaign_world import jsonl, line
 from tests.uav_bt.learning.frames_world import walk, write_video
 from tests.uav_bt.learning.lab_world import draw_lab, write_colour_network
 from tests.worlds.cli import HOP, all_commands, run, tree_file
+from tests.worlds.processes import FULL_BYTES, full_disk
 from uav_bt import app
 from uav_bt.cli.declare import Command
 from uav_bt.errors import FileError
 from uav_bt.testing import pinhole
 
-FULL_BYTES: Final = 64  # less than any file of ours has
 TRIAL: Final = LayoutTrial(8, 5, ("a.png",), 0.2, 0.2, pinhole(64, 36), 0.1)
 PICK: Final = Pick(image="a.png", x=3, y=4, class_id=1)
 LOST: Final = r"cannot be written|could not be written|was lost|ends early"
@@ -73,17 +71,6 @@ NOT_CALLED: Final = {
     "net train depth": "its files are among `WRITERS`",
     "net train student": "its files are among `WRITERS`",
 }
-
-
-@contextmanager
-def full_disk() -> Iterator[None]:
-    """Let no file of this process grow beyond some bytes: the system refuses each further one."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (FULL_BYTES, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.fixture(scope="module")
@@ -169,12 +156,8 @@ WRITERS: Final[dict[str, Callable[[Path], object]]] = {
     "labels": lambda path: write_labels(path, np.ones((2, 2, 4, 6), np.float16)),
     "views": write_views,
     "weights": lambda path: write_weights(path, {"a": np.zeros(99)}, kind="a", details={}),
-    "picks": lambda path: write_picks(
-        path, [Pick(image="a.png", x=3, y=4, class_id=1)] * 9, CLASSES
-    ),
-    "camera": lambda path: write_camera(
-        path, LayoutTrial(8, 5, ("a",), 0.2, 0.2, pinhole(64, 36), 0.1)
-    ),
+    "picks": lambda path: write_picks(path, [PICK] * 9, CLASSES),
+    "camera": lambda path: write_camera(path, TRIAL),
 }
 """Writers of further files, and of those whose commands take long."""
 

@@ -6,7 +6,6 @@ import importlib
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +29,7 @@ from tests.docs.documents import (
     commands,
     resolve,
 )
+from tests.worlds.processes import python
 from uav_bt.app.site import load_site
 from uav_bt.cli import declare
 from uav_bt.cli.root import uav_bt
@@ -52,7 +52,7 @@ class Reader:
         page: the page's path in the repository.
         folder: the working folder.
         monkeypatch: puts packages that the page installs on the path.
-        left_out: returns the reason why a command is only parsed, or None.
+        left_out: returns whether a command is only parsed.
         added: further arguments for a command when it is run.
         long_python: Python that is not run.
     """
@@ -63,7 +63,7 @@ class Reader:
         folder: Path,
         monkeypatch: pytest.MonkeyPatch,
         *,
-        left_out: Callable[[str], str | None],
+        left_out: Callable[[str], bool],
         added: Mapping[str, tuple[str, ...]],
         long_python: tuple[str, ...],
     ) -> None:
@@ -133,23 +133,10 @@ class Reader:
         flown = [file for file in self._passed if "app.fly(" in file.read_text(encoding="utf-8")]
         left_out = [f"--ignore={path}" for path in ("examples", *flown)]
         path = os.pathsep.join([str(self.folder), str(self.folder / ".meta")])
-        result = subprocess.run(  # noqa: S603  # our own page
-            [
-                sys.executable,
-                "-m",
-                "pytest",
-                "-p",
-                "no:cacheprovider",
-                "-p",
-                "no:xdist",
-                *left_out,
-                *words,
-            ],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
+        result = python(
+            *("-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist", *left_out, *words),
+            folder=self.folder,
+            environment={"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
         )
         assert result.returncode in codes, result.stdout + result.stderr
         if " passed" in result.stdout and " failed" not in result.stdout:
@@ -198,9 +185,7 @@ class Reader:
         """Install the page's package like `pip install -e .`, but without pip."""
         code = "import setuptools.build_meta as b; b.prepare_metadata_for_build_editable('.meta')"
         (self.folder / ".meta").mkdir()
-        subprocess.run(  # noqa: S603  # our own page
-            [sys.executable, "-c", code], check=True, cwd=self.folder, capture_output=True
-        )
+        assert python("-c", code, folder=self.folder).returncode == 0
         for folder in (self.folder, self.folder / ".meta"):
             self._monkeypatch.syspath_prepend(folder)
         importlib.invalidate_caches()

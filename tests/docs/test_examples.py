@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 from tests.docs.documents import ROOT
+from tests.worlds.processes import python
 
 pytestmark = pytest.mark.flight
 
@@ -27,14 +25,7 @@ PRINTED: Final = {
 
 def run(folder: Path, *words: str) -> str:
     """Run Python in a folder and return its output."""
-    result = subprocess.run(  # noqa: S603  # our own interpreter and files
-        [sys.executable, *words],
-        env={**os.environ, "MPLBACKEND": "agg"},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = python(*words, folder=folder, environment={"MPLBACKEND": "agg"})
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 

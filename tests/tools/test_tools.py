@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-# --- kernels --------------------------------------------------------------------------------------
+from tests.worlds.processes import ROOT, python
 
-ROOT = Path(__file__).parents[2]
+# --- kernels --------------------------------------------------------------------------------------
 
 
 def install(venv: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -79,13 +79,7 @@ print(json.dumps([numpy, opencv, numba]))
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603  # our own script
-        [sys.executable, "tools/kernels.py", *words],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-    )
+    return python("tools/kernels.py", *words)
 
 
 @pytest.mark.parametrize(

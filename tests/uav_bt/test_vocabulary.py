@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.worlds.processes import ROOT, python
 from tests.worlds.tables import cases
 from uav_bt import plugins
 from uav_bt.answers import Advance, Answer, Blocked, FollowLeg, Rotate
@@ -136,14 +136,8 @@ def test_a_second_process_takes_the_kernels_from_the_cache(tmp_path: Path) -> No
         "print(twice(21.0))\n"
     )
     for message in ("compiling for this machine", ""):
-        done = subprocess.run(
-            [sys.executable, "-c", "import kernels"],
-            cwd=tmp_path,
-            env={"PYTHONPATH": f"{Path(__file__).parents[2]}:{tmp_path}", "HOME": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        where = {"PYTHONPATH": f"{ROOT}:{tmp_path}", "HOME": str(tmp_path)}
+        done = python("-c", "import kernels", folder=tmp_path, environment=where)
         assert done.stdout == "42.0\n"
         assert (message in done.stderr) if message else not done.stderr
 
@@ -219,11 +213,6 @@ def test_what_is_no_landing_mark_is_refused(
     assert isinstance(plugins.make_mark_finder(MARK), Beacon)
     registered(monkeypatch, kind)
     with pytest.raises(InputError, match=message):
-        plugins.make_mark_finder(MARK)
-
-
-def test_an_unknown_landing_mark_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"unknown landing mark 'beacon'.*apriltag.*helipad"):
         plugins.make_mark_finder(MARK)
 
 

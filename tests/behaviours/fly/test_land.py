@@ -255,6 +255,3 @@ def test_without_free_ground_or_telemetry_a_planned_landing_does_not_begin() -> 
     look(bench, NOWHERE)
     assert bench.tick(advance_s=5.0) is Status.RUNNING
     assert bench.proposed is None
-
-
-# The spot: a disc on one surface, never across the landing box's rim.

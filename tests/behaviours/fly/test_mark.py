@@ -208,12 +208,3 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
     assert bench.board[PHASE] == "approach"
     assert velocity(bench).yaw_rate_radps < 0.0
     assert velocity(bench).forward_mps == 0.0
-
-
-# The last metre.
-
-
-# The distances that the place asks for.
-
-
-# Under a policy.

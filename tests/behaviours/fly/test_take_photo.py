@@ -13,6 +13,7 @@ from behaviours.fly.take_photo import Steadiness, TakePhoto
 from tests.paper_lab import CARPET
 from tests.worlds import footage
 from tests.worlds.leaves import map_with
+from tests.worlds.processes import full_disk
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import InputError
@@ -173,17 +174,11 @@ def test_without_a_folder_it_fails_at_once_and_says_what_to_do(
     assert event.text == "'door': the flight has no output folder: fly with --out DIR"
 
 
-def test_a_full_disk_is_a_failure_with_the_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full_disk(self: Path, data: bytes) -> int:
-        raise OSError(28, "No space left on device")
-
+def test_a_full_disk_is_a_failure_with_the_reason(tmp_path: Path) -> None:
     bench = photo_bench(tmp_path)
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "write_bytes", full_disk)
+    with full_disk():
         assert run(bench, 20)[-1] is Status.FAILURE
-    assert "cannot be written: No space left on device" in bench.feedback
+    assert "cannot be written: File too large" in bench.feedback
     assert bench.notes.photos == []
     assert run(bench, 20)[-1] is Status.SUCCESS
     assert "photo-002.jpg" in names(tmp_path)

@@ -177,7 +177,6 @@ def test_an_unknown_mark_is_refused_before_the_first_view() -> None:
     for kind, options, message in (
         ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
         ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
-        ("nope", {}, "unknown landing mark 'nope'"),
     ):
         bench = finding()
         bench.provide(mark=replace(default_mark(), kind=kind, options=options))

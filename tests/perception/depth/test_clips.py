@@ -1,7 +1,6 @@
 """Material of the depth training: footage, clips, labels."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -259,10 +258,3 @@ def test_parallax_fills_gaps_below_the_bound_and_leaves_labels_alone(flight: Kno
     assert np.isnan(filled[6, 0, 20:, 80:]).all()
     assert np.isnan(filled[4, 0, 20:]).all()  # not one of every three
     np.testing.assert_array_equal(filled[:, 1], labels[:, 1])
-
-
-def test_labels_come_back_as_they_were_written(tmp_path: Path) -> None:
-    labels = np.full((2, 2, 4, 5), np.nan, np.float16)
-    labels[0, 0], labels[:, 1] = 1.5, np.inf
-    labelling.write_labels(tmp_path / "l.npz", labels)
-    np.testing.assert_array_equal(labelling.read_labels(tmp_path / "l.npz"), labels)

@@ -297,6 +297,3 @@ def test_what_waits_is_kept_away_from_for_as_long_as_movers_pause() -> None:
             seen_s = time_s + later_s + step * STEP_S
             tracker.follow(np.array([[1.0, 1.0], [1.0, 1.1], [1.1, 1.0]]), HERE_M, seen_s)
         assert bool(len(tracker.may_move_m(seen_s))) == may_move
-
-
-# --- on exact views -------------------------------------------------------------------------------

@@ -26,10 +26,9 @@ from uav_bt.app.drone_of_flight import (
 )
 from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Drone
-from uav_bt.testing import Fault, FaultyDrone, ScriptedDrone
+from uav_bt.testing import Fault, FaultyDrone, ScriptedDrone, pinhole
 from uav_bt.tree import Leaf, NodeRegistry
 from uav_bt.types import (
-    CameraModel,
     Command,
     CutMotors,
     DroneState,
@@ -48,15 +47,7 @@ from uav_bt.types import (
 # --- a camera file --------------------------------------------------------------------------------
 
 TWIN = TwinConfig(profile="ideal", image_size_px=(160, 90))
-LENS = CameraModel(
-    width_px=1280,
-    height_px=720,
-    fx_px=900.0,
-    fy_px=905.0,
-    cx_px=630.0,
-    cy_px=350.0,
-    distortion=(-0.1, 0.0, 0.0, 0.0, 0.0),
-)
+LENS = replace(pinhole(1280, 720), fx_px=900.0, distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
 
 
 def test_a_camera_file_is_scaled_to_the_frames_and_straightens_each_once(tmp_path: Path) -> None:

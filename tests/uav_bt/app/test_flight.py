@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -127,22 +126,6 @@ def test_a_drone_nobody_landed_is_reported(tmp_path: Path, monkeypatch: pytest.M
         app.fly(STAY, options, report=path)
     assert app.STILL_IN_THE_AIR in caught.value.__notes__
     assert json.loads(path.read_text(encoding="utf-8"))["airborne_at_end"] is True
-
-
-@pytest.mark.parametrize(
-    ("what", "file"), [("video", "flight.mp4"), ("report", "report.json: cannot be written")]
-)
-def test_an_output_that_cannot_be_finished_is_lost_and_hides_no_result(
-    drone: ScriptedDrone, tmp_path: Path, what: str, file: str
-) -> None:
-    gone, path = tmp_path / "gone", tmp_path / "report.json"
-    gone.mkdir()
-    outputs = {"report": path, what: gone / file.partition(":")[0]}
-    report = fly(drone, lambda index: shutil.rmtree(gone) if index == 3 else None, **outputs)
-    assert report.outcome == "success"
-    assert file in report.lost_outputs[what]
-    if what == "video":
-        assert json.loads(path.read_text())["lost_outputs"] == report.lost_outputs
 
 
 def test_leaves_close_what_they_opened_when_the_flight_is_over(

@@ -25,7 +25,7 @@ from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.board import STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.campaign import make_plan
-from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import PolicyView
 from uav_bt.record.reader import RecordReader
@@ -125,20 +125,6 @@ def test_a_replay_is_given_the_objects_again(flown: tuple[FlightReport, Careful,
         replay(flown[2], ReplayOptions(registry=NODES))
     with pytest.raises(TreeError, match="unknown node 'Peek'"):
         replay(flown[2], replace(options, registry=None))
-
-
-def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path) -> None:
-    class Boom(Leaf):
-        def update(self) -> Status:
-            raise RuntimeError("sensor gone")
-
-    report, options = tmp_path / "report.json", scripted()
-    line = Boom.update.__code__.co_firstlineno + 1
-    where = rf"tests/uav_bt/app/test_flight_of_objects\.py:{line}"
-    with pytest.raises(NodeFailedError, match=rf"RuntimeError: sensor gone \({where}\)$") as caught:
-        app.fly(MissionTree(Boom()), options, report=report)
-    assert not options.drone.connected  # type: ignore[union-attr]
-    assert json.loads(report.read_text(encoding="utf-8"))["reason"] == str(caught.value)
 
 
 def test_options_and_site_replace_attributes_of_a_tree_object() -> None:

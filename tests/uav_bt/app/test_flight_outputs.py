@@ -25,7 +25,6 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Still, StillCamera, StillState
 from uav_bt.record import channels, record_file
-from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import Command, TakeOff
 from uav_bt.types.flight_results import EventKind
@@ -269,27 +268,6 @@ def test_what_is_logged_is_in_the_record(tmp_path: Path, monkeypatch: pytest.Mon
     lines = [data for _, _, data in RecordReader(record).messages([channels.LOG.topic])]
     assert any(b"battery is at 42 %" in line for line in lines)
     assert any(b"phase: take-off" in line for line in lines)
-
-
-def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    written = record_file.RecordFile.write
-
-    def write(file: record_file.RecordFile, channel: Channel, time_ns: int, data: bytes) -> None:
-        if channel is channels.TICK and json.loads(data)["index"] >= 8:
-            raise OSError(28, "No space left on device")
-        written(file, channel, time_ns, data)
-
-    monkeypatch.setattr(record_file.RecordFile, "write", write)
-    record, report = fly_noisy(tmp_path, monkeypatch)
-    assert report.outcome == "success"
-    assert "record is incomplete: not written to its end: No space left on device" in caplog.text
-    assert "ticks lost" in caplog.text
-    reader = RecordReader(record)
-    assert not reader.finished
-    assert reader.end is None
-    assert 0 < len(list(reader.moments())) <= 8
 
 
 def test_a_disk_that_is_full_from_the_start_is_reported_before_the_flight(

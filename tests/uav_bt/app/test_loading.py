@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.worlds.trees import check, document, subtree, tree_file
+from tests.worlds.trees import check, document, subtree
 from uav_bt import app
 from uav_bt.app import provenance
 from uav_bt.app.assembly import assemble
@@ -177,22 +177,6 @@ def test_policies_and_drones_of_a_python_file(tmp_path: Path) -> None:
 
 
 # --- provenance -----------------------------------------------------------------------------------
-
-
-def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> None:
-    weights = provenance.weights_of(app.check("explore_and_land_segmentation"))
-    assert list(weights) == ["unet.onnx"]
-    assert len(weights["unet.onnx"]) == 64
-
-
-def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:
-    """The included file counts like the mission's own."""
-    part = tree_file(tmp_path, "<AlwaysSuccess/>", "down.xml")
-    text = '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="down.xml"/></root>'
-    (tmp_path / "mission.xml").write_text(text)
-    one = provenance.sha256_of(app.check(tmp_path / "mission.xml"))
-    part.write_text(document("<AlwaysFailure/>"))
-    assert provenance.sha256_of(app.check(tmp_path / "mission.xml")) != one
 
 
 def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -175,9 +175,7 @@ LIVE.live = True
 @pytest.mark.parametrize(
     ("tree", "given", "words"),
     [
-        ("land_only", {}, "tree file"),
         (text(HIGH), {}, "tree file"),
-        ("mission.xml", {"report": "report.json"}, "a report shows one tree"),
         ("mission.xml", {"drone": LIVE}, "simulated drones only"),
     ],
 )

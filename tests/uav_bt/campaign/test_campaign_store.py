@@ -85,10 +85,8 @@ def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
     [
         ({"options": FlightOptions(rehearse=True)}, "a campaign takes no rehearse, only tree_id"),
         ({"options": FlightOptions(drone="anafi")}, "drone 'anafi' cannot fly a campaign, only"),
-        ({"trees": ("one.xml", "one.xml")}, r"two trees are called 'one\.xml'"),
         ({"trees": ()}, "needs at least one tree"),
         ({"scenes": ()}, "needs at least one scene"),
-        ({"flights": 0}, "flights must be a positive whole number, got 0"),
     ],
 )
 def test_what_is_no_campaign_is_refused(changes: dict[str, Any], message: str) -> None:
@@ -182,11 +180,8 @@ def test_what_is_no_campaigns_folder_is_left_alone(tmp_path: Path) -> None:
         (json.dumps(line(scene=3)), "'scene': Input should be a valid string, got 3"),
         (json.dumps(line() | {"seed": -1}), "'seed': Input should be greater than or equal to 0"),
         (json.dumps(line(outcome="fine")), "'outcome': Input should be 'success', 'collision'"),
-        (json.dumps(line(duration_s="long")), "'duration_s': Input should be a valid number"),
         (json.dumps(line(tick_ms={"p50": 1.0})), "'tick_ms.p99': Field required"),
         (json.dumps(line(path=[[0.0, 1.0, 2.0]])), "'path.0.3': Field required"),
-        (json.dumps(line(coverage_curve=[[10.0, 0.1]])), "'coverage_curve.0.2'"),
-        (json.dumps(line(vary_room="yes")), "'vary_room': Input should be a valid boolean"),
     ],
 )
 def test_what_is_no_flight_is_refused_with_its_line(text: str, why: str, tmp_path: Path) -> None:

@@ -83,14 +83,6 @@ def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:
     assert done.stdout.splitlines()[0] == str(folder / "mine.html")
 
 
-def test_a_scene_that_is_gone_is_reported_and_left_out(folder: Path) -> None:
-    lines = (folder / "flights.jsonl").read_text().replace("val-a", "gone")
-    (folder / "flights.jsonl").write_text(lines)
-    done = run("report", folder)
-    assert done.exit_code == 0, done.output
-    assert "no map of scene 'gone'" in done.stderr
-
-
 def test_a_resumed_campaign_flies_nothing_again_and_fails_under_a_limit(folder: Path) -> None:
     before = (folder / "flights.jsonl").read_text()
     assert run("campaign", "--resume", folder, "--fail-under", 100).exit_code == 0

@@ -100,22 +100,6 @@ def test_a_warning_is_no_reason_to_refuse(tmp_path: Path) -> None:
     assert run("check", at_it).stderr == ""
 
 
-def test_a_foreign_tree_is_checked_with_its_palette(tmp_path: Path) -> None:
-    palette = tmp_path / "palette.txt"
-    palette.write_text(
-        '<root BTCPP_format="4"><TreeNodesModel><Action ID="DockRobot"><input_port name="dock" '
-        'type="int"/><input_port name="policy" type="std::string"/></Action></TreeNodesModel>'
-        "</root>",
-        encoding="utf-8",
-    )
-    good = tree_file(tmp_path, '<DockRobot dock="1" policy="of their own"/>', "good.xml")
-    bad = tree_file(tmp_path, '<DockRobot dock="one"/>', "bad.xml")
-    result = run("check", good, bad, "--palette", palette)
-    assert (result.exit_code, result.stdout) == (2, f"{good}: good\n")
-    assert "expected an integer, got 'one'" in result.stderr
-    assert "unknown node 'DockRobot'" in run("check", good).stderr
-
-
 TWO = (
     '<root BTCPP_format="4"><BehaviorTree ID="Up"><TakeOff height_m="1.0"/></BehaviorTree>'
     '<BehaviorTree ID="Down"><Land/></BehaviorTree></root>'

@@ -104,18 +104,6 @@ def test_every_command_refuses_what_is_no_folder(mission: Mission, tmp_path: Pat
             assert_refused(run(*command, *given), words)
 
 
-def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(mission: Mission) -> None:
-    twin = write(mission.folder / "parts" / "twin.xml", "Down", "<Land/>")
-    places = f"{mission.down}:2:1 and {twin}:2:1"
-    result = run("check", mission.path, *mission.options)
-    assert_refused(result, f"tree 'Down' stands in several files: {places}")
-    twin.unlink()
-    up = mission.folder / "shared" / "up.xml"
-    write(up, "Up", '<TakeOff height_m="1.0"/>', '<include path="../missions/hop.xml"/>')
-    result = run("check", mission.path, *mission.options)
-    assert_refused(result, f"{up}:1:59: include: the files include each other in a circle")
-
-
 def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) -> None:
     """It contains all used files, including links, and no others. A report replaces none."""
     record = tmp_path / "flight.mcap"

@@ -97,10 +97,3 @@ def test_where_nothing_can_be_shown_other_ways_are_named(
     flown = run("fly", tree_file(tmp_path, HOP), *SMALL, "--report", report, "--view")
     assert_refused(flown, "no display", "--view web")
     assert not report.exists()
-
-
-def test_a_record_of_another_version_is_refused(
-    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("uav_bt.record.reader.SCHEMA_VERSION", 0)
-    assert_refused(run("view", record, "--save", tmp_path / "x.rrd"), "has schema version 3")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import pytest
 from click.testing import CliRunner, Result
@@ -27,13 +26,8 @@ def test_nodes_lists_every_node_with_its_attributes_and_keys() -> None:
     page = run("tree", "nodes", "Turn", "--format", "markdown").stdout
     assert (page[:7], "## Turn" in page) == ("# Nodes", True)
     assert "Explore" not in one + page
-
-
-def test_nodes_as_xml_is_a_model_of_our_nodes() -> None:
-    root = ET.fromstring(run("tree", "nodes", "--format", "xml").stdout)  # noqa: S314  # our own text
-    ids = {node.get("ID") for node in root.find("TreeNodesModel")}
-    assert {"Explore", "TakeOff", "Land"} <= ids
-    assert "Sequence" not in ids
+    model = run("tree", "nodes", "--format", "xml").stdout
+    assert ('ID="Explore"' in model, 'ID="Sequence"' in model) == (True, False)
 
 
 def test_nodes_as_json_has_an_object_for_each() -> None:
@@ -81,10 +75,11 @@ def test_a_tree_is_drawn_in_ascii_by_default(tmp_path: Path) -> None:
     assert out.read_text(encoding="utf-8").startswith("<?xml")
 
 
-def test_a_foreign_tree_is_drawn_with_its_palette(tmp_path: Path) -> None:
+def test_a_foreign_tree_is_checked_and_drawn_with_its_palette(tmp_path: Path) -> None:
     palette = tmp_path / "palette.xml"
     palette.write_text('<TreeNodesModel><Action ID="Dock"/></TreeNodesModel>', encoding="utf-8")
     path = tree_file(tmp_path, "<Dock/>")
+    assert run("check", path, "--palette", palette).stdout == f"{path}: good\n"
     assert run("tree", "render", path, "--palette", palette).stdout == "Main\n`-- Dock\n"
     assert 'name="node.Dock"' in run("tree", "schema", "--palette", palette).stdout
     assert_refused(run("tree", "render", path), "unknown node 'Dock'", "mission.xml:3:1")
@@ -148,12 +143,6 @@ def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
         "changed": {},
     }
     assert [one["status"] for one in second["leaves"]] == ["FAILURE"]
-
-
-def test_a_leaf_does_not_answer_what_it_never_does(hop: Path, tmp_path: Path) -> None:
-    result = simulate(tmp_path, hop, "leaves: {TakeOff: RS, Land: F}")
-    assert result.exit_code == 2
-    assert "Land never answers FAILURE, only SUCCESS or RUNNING; got 'F'" in result.stderr
 
 
 def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:

@@ -59,10 +59,7 @@ class World:
         ids[14:] = 1
         self.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=now_s), captured_s=now_s)
         if mark:
-            fix = types.MarkFix(
-                captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True
-            )
-            self.board.write(MARK, fix, captured_s=now_s)
+            self.board.write(MARK, values.fix(now_s, 1.2, 0.3), captured_s=now_s)
 
     def see_depth(self) -> None:
         """Put metric depth and a corridor on the board."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
 from tests.uav_bt.groot.groot_world import make_context, make_tree
+from tests.worlds.processes import full_disk
 from tests.worlds.tables import cases
 from tests.worlds.trees import leaf
 from uav_bt import app
@@ -169,18 +168,10 @@ def test_a_log_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_ends_the_log_not_the_mission(tmp_path: Path) -> None:
-    class Full(io.RawIOBase):
-        def write(self, _: Any) -> int:
-            raise OSError(28, "No space left on device")
-
-    log = BtlogWriter(tmp_path / "flight.btlog")
-    log.begin(XML, 0)
-    whole, log._file = log._file, Full()  # type: ignore[assignment]
-    assert whole is not None
-    whole.close()
-    log.write([Transition(0, 1, Status.SUCCESS)])
-    with pytest.raises(RuntimeError, match="the flight's own") as error, log:
-        raise RuntimeError("the flight's own")
-    assert error.value.__notes__ == [
-        f"{tmp_path / 'flight.btlog'}: the log ends early: No space left on device"
-    ]
+    path = tmp_path / "flight.btlog"
+    log = BtlogWriter(path)
+    with full_disk():
+        log.begin(XML, 0)
+    with pytest.raises(RuntimeError, match="its own") as error, log:
+        raise RuntimeError("its own")
+    assert error.value.__notes__ == [f"{path}: the log ends early: File too large"]

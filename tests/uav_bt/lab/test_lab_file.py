@@ -24,7 +24,7 @@ from uav_bt.lab.classes import (
     RoleName,
 )
 from uav_bt.lab.lab_file import lab_schema, read_lab
-from uav_bt.lab.shipped import default_mark, load_lab, shipped_labs
+from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.types import LandingMark, Pose2D
 
@@ -47,8 +47,6 @@ def test_ids_beyond_the_classes_or_of_another_type_are_refused() -> None:
         PAPER.roles(np.array([[3, 17]], dtype=np.uint8))
     with pytest.raises(ValueRangeError, match="uint8"):
         PAPER.roles(np.array([1], dtype=np.int64))  # type: ignore[arg-type]
-    with pytest.raises(UnknownNameError, match="did you mean 'helipad_box'"):
-        PAPER.id_of("helipad_bx")
     with pytest.raises(ValueRangeError, match="no class has the role ground"):
         _ = LabClasses([WALL]).ground
 
@@ -162,11 +160,6 @@ def test_a_wrong_mark_is_refused_with_its_line(tmp_path: Path, mark: str, messag
         read_lab(lab_folder(tmp_path, f"{LAB}mark: {mark}\n"))
 
 
-def test_the_paper_ships_and_is_the_default() -> None:
-    assert "paper" in shipped_labs()
-    assert load_lab() is load_lab("paper")
-
-
 def test_a_lab_is_found_by_name_and_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     lab_folder(tmp_path / "labs" / "hall")
@@ -174,8 +167,6 @@ def test_a_lab_is_found_by_name_and_path(tmp_path: Path, monkeypatch: pytest.Mon
     assert load_lab("hall").folder == Path("labs/hall")
     assert load_lab("yard").name == "yard"
     assert load_lab(tmp_path / "yard" / "lab.yaml").name == "yard"
-    with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
-        load_lab("papr")
 
 
 def test_a_folder_with_the_name_of_a_shipped_lab_needs_a_path(

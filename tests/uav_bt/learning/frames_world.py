@@ -10,6 +10,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from av.stream import Disposition
 
 from uav_bt.types.arrays import Image
 
@@ -48,17 +49,26 @@ def write_video(
     images: Sequence[Image],
     *,
     codec: str = "libx264",
+    rate: int = 2,
     times_s: Sequence[float] | None = None,
+    cover: Image | None = None,
 ) -> Path:
-    """Write a video; without times it has two images a second."""
+    """Write a video, by default of `rate` images a second; a cover picture precedes them."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    times_s = times_s or [0.5 * number for number in range(len(images))]
+    times_s = times_s or [number / rate for number in range(len(images))]
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=2)
+        if cover is not None:
+            picture = container.add_stream("mjpeg", rate=1)
+            picture.height, picture.width = cover.shape[:2]
+            picture.pix_fmt = "yuvj420p"
+            picture.disposition = Disposition.attached_pic
+        stream = container.add_stream(codec, rate=rate)
         stream.height, stream.width = images[0].shape[:2]
-        stream.pix_fmt = "yuv420p"
+        stream.pix_fmt, stream.bit_rate = "yuv420p", 4_000_000
         stream.options = {"preset": "ultrafast", "x265-params": "log-level=none"}
         stream.codec_context.time_base = Fraction(1, 1000)
+        if cover is not None:
+            container.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
         for image, time_s in zip(images, times_s, strict=True):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
             frame.pts, frame.time_base = round(1000 * time_s), Fraction(1, 1000)

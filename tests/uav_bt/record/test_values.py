@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.paper_lab import CLASSES
+from tests.worlds.values import corridor
 from uav_bt import types
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import InputError
@@ -100,14 +101,7 @@ def test_every_answer_comes_back(answer: Answer) -> None:
 
 
 def test_what_json_has_no_number_for_comes_back() -> None:
-    corridor = types.Corridor(
-        captured_s=1.0,
-        free_distance_m=math.inf,
-        nearest_m=-math.inf,
-        nearest_side=None,
-        time_to_impact_s=math.nan,
-    )
-    back = there_and_back(corridor)
+    back = there_and_back(corridor(math.inf, nearest_m=-math.inf, impact_s=math.nan))
     assert (back.free_distance_m, back.nearest_m) == (math.inf, -math.inf)
     assert math.isnan(back.time_to_impact_s)
     assert json.loads(dump(encode({"a": [math.inf, 1.5]}))) == {"a": ["Infinity", 1.5]}

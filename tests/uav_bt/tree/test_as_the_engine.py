@@ -104,9 +104,10 @@ def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
     [
         (tree("Lost", "<Safe/>").encode()[:-3], "not well-formed XML"),
         (tree("Lost\u00e9", "<Safe/>").encode("latin-1"), "save it as UTF-8"),
+        (tree("Lost", "<Safe/>").encode("utf-16-le"), "save it as UTF-8"),
         (tree("Lost", "<Safe/>").encode() + b" " * 2_000_000, "larger than 2000000 bytes"),
     ],
-    ids=["no XML", "Latin 1", "2 MB"],
+    ids=["no XML", "Latin 1", "UTF-16", "2 MB"],
 )
 def test_a_tree_in_a_file_that_cannot_be_read_is_missed_with_the_reason(
     tmp_path: Path, data: bytes, reason: str
@@ -130,18 +131,6 @@ def test_a_folder_with_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.M
             with pytest.raises(FileError, match=f"more than {words}: choose a folder inside it"):
                 files_in(tmp_path)
     assert len(files_in(tmp_path)) == 2
-
-
-def test_a_project_file_holds_the_trees_that_it_includes(tmp_path: Path) -> None:
-    project = tmp_path / "all.btproj"
-    includes = '<include path="a.xml"/><include path="b.xml"/>'
-    project.write_text(f'<root BTCPP_format="4" project_name="All">{includes}</root>')
-    (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B"/>'))
-    (tmp_path / "b.xml").write_text(tree("B", "<Safe/>"))
-    assert check_file(project, REGISTRY) == ()
-    assert load_tree(project, REGISTRY).name == "A"
-    assert load_tree(project, REGISTRY, tree_id="B").name == "B"
-    assert project in files_in(tmp_path)
 
 
 def test_files_above_are_included_when_allowed(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.tables import cases
+from tests.worlds.trees import tree_file
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import MissionTree, Parameters, load_tree, parse_tree
 from uav_bt.tree.loading.loader import check_file, check_text
@@ -189,16 +190,6 @@ VISIT = (
 )
 
 
-def tree_file(folder: Path, body: str, more: str = "", name: str = "mission.xml") -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
-    path.write_text(
-        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
-        f'<BehaviorTree ID="Main">{body}</BehaviorTree>{more}</root>'
-    )
-    return path
-
-
 def queue_of(tree: MissionTree) -> str:
     loop = next(node for node in tree.nodes() if type(node).__name__ == "LoopString")
     return str(loop.literals["queue"])
@@ -263,7 +254,7 @@ def test_a_file_stands_for_its_places(
 
 def test_entries_of_subtrees_and_variables_are_lists_too(rounds: Path, tmp_path: Path) -> None:
     for body, default in ((SHARED, "mark"), ('<SubTree ID="Visit"/>', "file:rounds.txt")):
-        tree = load_tree(tree_file(tmp_path, body, VISIT.format(default)))
+        tree = load_tree(tree_file(tmp_path, body, "m.xml", VISIT.format(default)))
         assert tree.root.attributes["places"] == "start:2,0;mark"  # type: ignore[attr-defined]
         assert rounds in tree.sources
     path = tree_file(tmp_path, LOOP.format("{places}"))
@@ -283,12 +274,13 @@ def test_an_area_may_stand_in_a_file(tmp_path: Path) -> None:
 
 
 def test_a_subtree_finds_its_file_beside_its_own(tmp_path: Path) -> None:
-    part = tree_file(tmp_path / "parts", LOOP.format("file:rounds.txt"), name="part.xml")
+    (tmp_path / "parts").mkdir()
+    part = tree_file(tmp_path / "parts", LOOP.format("file:rounds.txt"), "part.xml")
     part.write_text(part.read_text().replace('"Main"', '"Part"'))
     (tmp_path / "rounds.txt").write_text("mark\n")
     (part.parent / "rounds.txt").write_text("object:3\n")
     for lookup, more in ((Lookup(Library([part])), ""), (None, '<include path="parts/part.xml"/>')):
-        path = tree_file(tmp_path, '<SubTree ID="Part"/>', more)
+        path = tree_file(tmp_path, '<SubTree ID="Part"/>', "m.xml", more)
         assert queue_of(load_tree(path, lookup=lookup)) == "object:3"
 
 
@@ -308,6 +300,7 @@ def test_a_file_that_cannot_be_read_is_one_finding_at_the_attribute(
     name: str, words: str, rounds: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "tree"
+    folder.mkdir()
     path = tree_file(folder, f"<Sequence>{LOOP.format(f'file:{name}')}</Sequence>")
     rounds.rename(folder / "rounds.txt")
     (tmp_path / "outside.txt").write_text("mark\n")
@@ -316,7 +309,7 @@ def test_a_file_that_cannot_be_read_is_one_finding_at_the_attribute(
     (folder / "huge.csv").write_bytes(bytes(MAX_BYTES + 1))
     found = check_file(path)
     assert len(found) == 1
-    assert (found[0].path, found[0].position.line) == (str(path), 2)
+    assert (found[0].path, found[0].position.line) == (str(path), 1)
     assert words in found[0].message
 
 

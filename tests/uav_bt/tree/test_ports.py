@@ -182,8 +182,6 @@ def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     _install(monkeypatch, (plugins.POLICIES, "rule", "builtins:dict"))
     assert plugins.names(plugins.POLICIES) == ("rule",)
     assert plugins.load(plugins.POLICIES, "rule") is dict
-    with pytest.raises(UnknownNameError, match=r"unknown policy 'rul'; did you mean 'rule'\?"):
-        plugins.load(plugins.POLICIES, "rul")
 
 
 def test_two_packages_of_one_name(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +21,11 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
+from tests.uav_bt.learning.frames_world import write_video
 from tests.worlds.footage import camera_file, frame, state, write_record
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
-from uav_bt.display.video.video_file import VideoFile
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
@@ -67,15 +66,6 @@ def write_images(folder: Path, images: list[Image]) -> Path:
     return folder
 
 
-def write_video(path: Path, images: list[Image]) -> Path:
-    height_px, width_px = images[0].shape[:2]
-    film = VideoFile(path, size_px=(width_px, height_px), frames_per_s=Fraction(RATE))
-    for image in images:
-        film.write(image)
-    film.close()
-    return path
-
-
 def write_flight(path: Path, images: list[Image]) -> Path:
     """Write the flight's record, which begins at second 5."""
     frames = [
@@ -108,7 +98,7 @@ def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
 
 
 def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list[Image]) -> None:
-    source, told = write_video(tmp_path / "flight.mp4", images), list[tuple[int, int]]()
+    source, told = write_video(tmp_path / "flight.mp4", images, rate=RATE), list[tuple[int, int]]()
     summary, lines = look(
         source,
         out=tmp_path / "seen.mp4",
@@ -137,7 +127,7 @@ def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: li
 
 
 def test_a_video_is_seen_with_its_flights_telemetry(tmp_path: Path, images: list[Image]) -> None:
-    source = write_video(tmp_path / "flight.mp4", images * 2)
+    source = write_video(tmp_path / "flight.mp4", images * 2, rate=RATE)
     flown = write_flight(tmp_path / "flight.mcap", images[:2])
     summary, lines = look(source, replace(CONTACT, telemetry=flown, height_m=9.0))
     assert summary.camera == f"of {flown}"
@@ -185,7 +175,7 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
     monkeypatch.setattr(inputs, "_network", lambda *_given: Growing())
     source = write_images(tmp_path / "views", images[:3])
     if related == "video":
-        source = write_video(tmp_path / "flight.mp4", images[:3])
+        source = write_video(tmp_path / "flight.mp4", images[:3], rate=RATE)
     flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
     options = PerceiveOptions(segmentation="unet", sequence=related == "sequence", telemetry=flown)
     summary, lines = look(source, options)
@@ -200,7 +190,7 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
 
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
-    source, out = write_video(tmp_path / "flight.mp4", images * 3), tmp_path / "seen.mp4"
+    source, out = write_video(tmp_path / "flight.mp4", images * 3, rate=RATE), tmp_path / "seen.mp4"
     masks = tmp_path / "masks"
     summary, _ = look(source, replace(CONTACT, every=2, longest_s=0.5), out=out, masks=masks)
     assert summary.frames == 3
@@ -259,15 +249,12 @@ def test_masks_are_class_ids_by_the_names_of_images(tmp_path: Path, images: list
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
 
 
-def test_no_output_overwrites_a_network_or_other_files(tmp_path: Path, images: list[Image]) -> None:
+def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> None:
     folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
     network.write_bytes(b"a network")
-    options = PerceiveOptions(segmentation=str(network), model="contact")
     with pytest.raises(InputError, match="is an input and would be overwritten"):
-        perceive.perceive(str(folder), options, lines=network)
+        look(folder, replace(CONTACT, segmentation=str(network)), out=network)
     assert network.read_bytes() == b"a network"
-    with pytest.raises(FileError, match="has files"):
-        perceive.perceive(str(folder), CONTACT, masks=tmp_path)
 
 
 def test_only_photographs_are_perceived_by_roles(tmp_path: Path, images: list[Image]) -> None:
