@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
+from sim_bridge.loopback.server import LoopbackServer
 from sim_bridge.loopback.video import VideoServer
 from sim_bridge.loopback.world import Location
-from tests.sim_bridge.loopback import loopback_client
-from tests.sim_bridge.loopback.loopback_client import HOST
+from tests.sim_bridge.loopback.loopback_client import HOST, serving
 from uav_bt.types import Attitude, FlyingState
 
 SIZE_PX = (64, 48)
@@ -64,27 +64,6 @@ class Pictures:
     def newest(self) -> VideoFrame | None:
         self.asked += 1
         return frame_at(NOW_S + self.asked / 30.0)
-
-
-class Served(NamedTuple):
-    """A video server and its RTSP port."""
-
-    video: VideoServer
-    port: int
-
-
-@asynccontextmanager
-async def serving(
-    newest: Callable[[], VideoFrame | None] | None = None, **options: Any
-) -> AsyncIterator[Served]:
-    """Yield a server of the video."""
-    how: dict[str, Any] = {"size_px": SIZE_PX, "rate_hz": 120.0, "now": lambda: NOW_S} | options
-    video = VideoServer(newest or Pictures().newest, serial="PI9", **how)
-    async with loopback_client.serving(video=video) as server:
-        yield Served(video, server.ports.rtsp)
-
-
-# --- RTSP -----------------------------------------------------------------------------------------
 
 
 class Answer(NamedTuple):
@@ -159,15 +138,33 @@ class RtspClient:
         return Answer(int(status.split()[1]), headers, body.decode())
 
 
+class Served(NamedTuple):
+    """A server and its video."""
+
+    server: LoopbackServer
+    video: VideoServer
+
+
 @asynccontextmanager
-async def visiting(server: Served) -> AsyncIterator[RtspClient]:
+async def visiting(served: Served) -> AsyncIterator[RtspClient]:
     """Yield a client of the server."""
-    reader, writer = await asyncio.open_connection(HOST, server.port)
-    yield RtspClient(reader, writer, f"rtsp://{HOST}:{server.port}/live")
+    port = served.server.ports.rtsp
+    reader, writer = await asyncio.open_connection(HOST, port)
+    yield RtspClient(reader, writer, f"rtsp://{HOST}:{port}/live")
     writer.close()
 
 
-# --- RTP ------------------------------------------------------------------------------------------
+@asynccontextmanager
+async def watched(
+    newest: Callable[[], VideoFrame | None] | None = None, *, plays: bool = True, **options: Any
+) -> AsyncIterator[tuple[Served, RtspClient]]:
+    """Yield a server of the video and a client that plays it."""
+    how: dict[str, Any] = {"size_px": SIZE_PX, "rate_hz": 120.0, "now": lambda: NOW_S}
+    video = VideoServer(newest or Pictures().newest, serial="PI9", **how, **options)
+    async with serving(video=video) as server, visiting(Served(server, video)) as client:
+        if plays:
+            await client.play()
+        yield Served(server, video), client
 
 
 class RtpPacket(NamedTuple):
