@@ -24,9 +24,6 @@ from tests.sim_bridge.loopback.video_client import (
     units_of,
 )
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import FlyingState
-
-# --- H.264 ----------------------------------------------------------------------------------------
 
 
 def test_each_frame_comes_at_once_in_slices_and_key_frames_once_a_second_or_on_demand() -> None:
@@ -49,8 +46,6 @@ def test_an_odd_size_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="must be even, got 656x369"):
         Encoder((656, 369), 30.0)
 
-
-# --- RTP ------------------------------------------------------------------------------------------
 
 # Types from 24 on belong to the payload format; an encoder never uses them.
 nal = st.builds(
@@ -101,8 +96,6 @@ def test_a_report_maps_stamps_to_the_drones_clock_and_counts() -> None:
     assert parts[BYE] == ssrc
 
 
-# --- metadata -------------------------------------------------------------------------------------
-
 # Output of Parrot's library (libvideo-metadata-protobuf of parrot-olympe 8.5.0) for FRAME, with 12
 # satellites; here the byte is 14.
 PACKED_BY_PARROT = bytes.fromhex(
@@ -121,11 +114,3 @@ def test_the_message_has_the_bytes_that_parrots_library_packs() -> None:
     # An unknown position is omitted.
     rest = b"\x0a\x62" + PACKED_BY_PARROT[3:25] + PACKED_BY_PARROT[56:]  # with its new length
     assert timed_metadata(replace(FRAME, location=None)) == rest + _WIFI
-
-
-@pytest.mark.parametrize(("number", "state"), list(enumerate(FlyingState)))
-def test_flying_states_have_parrots_numbers(number: int, state: FlyingState) -> None:
-    """The field lies between the battery's and the place; as in proto3, a zero is omitted."""
-    field = bytes([0x38, number]) if number else b""
-    message = timed_metadata(replace(FRAME, flying=state))
-    assert b"\x28\xae\x01" + field + b"\x4a\x0f" in message
