@@ -24,11 +24,6 @@ FLOWN = ["motor_ramping", "takingoff", "hovering"]
     ("steps", "states"),
     [
         (["TakeOff", UP, "Landing", DOWN, 0.1], [*FLOWN, "landing", "landed"]),
-        # A user take-off can be called off while the motors start.
-        (
-            [("UserTakeOff", {"state": 1}), 0.1, ("UserTakeOff", {"state": 0}), 5.0],
-            ["motor_ramping", "landed"],
-        ),
         # An emergency stop is reported at once, also on the ground.
         (["TakeOff", UP, "Emergency"], [*FLOWN, "emergency"]),
         (["TakeOff", UP, "Emergency", 3.0], [*FLOWN, "emergency", "landed"]),

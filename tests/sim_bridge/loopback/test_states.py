@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from sim_bridge.loopback.codec import Message, message_types
-from sim_bridge.loopback.handshake import ANAFI
 from sim_bridge.loopback.media import MAX_BYTES, Card, Photo
 from sim_bridge.loopback.world import GROUND_M, HOME
 from sim_bridge.olympe.orders import point
@@ -42,7 +41,6 @@ def test_states_are_sent_once_until_they_change(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("command", "values", "event", "answer"),
     [
-        ("MaxTilt", {"current": 12.0}, "MaxTiltChanged", {"current": 12.0}),
         ("MaxTilt", {"current": 0.0}, "MaxTiltChanged", {"current": 1.0}),
         ("MaxTilt", {"current": 90.0}, "MaxTiltChanged", {"current": 40.0}),
         ("MaxTilt", {"current": math.nan}, "MaxTiltChanged", {"current": 20.0}),
@@ -58,10 +56,8 @@ def test_a_setting_is_taken_within_its_bounds_and_answered(
 
 
 def test_a_reset_brings_the_first_settings_back(bench: Bench) -> None:
-    mine = "ProductName", {"name": "mine"}
-    bench.play(("MaxTilt", {"current": 12.0}), mine, "common.Settings.Reset")
+    bench.play(("MaxTilt", {"current": 12.0}), "common.Settings.Reset")
     assert bench.values("MaxTiltChanged", "current") == [12.0, 20.0]
-    assert bench.values("ProductNameChanged", "name") == ["mine", ANAFI.name]
     assert bench.values("common.SettingsState.ResetChanged") == [{}]
 
 
@@ -167,10 +163,7 @@ def test_the_battery_drains_warns_and_lands() -> None:
     bench.fly()
     bench.run(180.0)
     percents = bench.values("BatteryStateChanged", "percent")
-    volts = bench.values("battery.voltage", "voltage")
     assert percents == sorted(percents, reverse=True)
-    assert volts == sorted(volts, reverse=True)
-    assert 6600 < volts[-1] < 8700
     assert bench.values("AlertStateChanged", "state") == ["low_battery", "critical_battery"]
     levels = [(one["alert"], one["level"]) for one in bench.values("battery.alert")]
     alerts = [("power_level", "warning"), ("power_level", "critical")]
