@@ -90,9 +90,10 @@ def test_a_movement_keeps_the_speeds_that_are_set(flown: Bench, steps: list[Step
 
 
 def test_a_place_is_flown_to_and_one_that_is_none_is_refused(flown: Bench) -> None:
-    flown.play(move_to(2.0, 0.0, latitude=math.nan), move_to(0.0, 4.0), 10.0)
+    nowhere = move_to(2.0, 0.0, latitude=math.nan), move_to(2.0, 0.0, heading=math.inf)
+    flown.play(*nowhere, move_to(0.0, 4.0), 10.0)
     assert position(flown) == pytest.approx((0.0, 4.0, 1.0), abs=0.1)
-    assert flown.values("moveToChanged", "status") == ["ERROR", "RUNNING", "DONE"]
+    assert flown.values("moveToChanged", "status") == ["ERROR", "ERROR", "RUNNING", "DONE"]
 
 
 def test_without_a_fix_there_are_no_places_and_no_return() -> None:
