@@ -1,12 +1,14 @@
-"""Settings of the drone: changed for a flight, and restored after it."""
+"""Settings of the drone, changed for a flight and restored after it; faults that it reports."""
 
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import pytest
 
 from sim_bridge.olympe import settings
+from sim_bridge.olympe.self_report import SelfReport
 from tests.sim_bridge.olympe.fake_olympe import (
     BANKED_TURN,
     MAX_ALTITUDE,
@@ -14,31 +16,29 @@ from tests.sim_bridge.olympe.fake_olympe import (
     PATIENCE_S,
     RETURN_HOME,
     SETTINGS,
+    STATE,
     FakeWorld,
     Flight,
 )
 from uav_bt.types import TakeOff
 
 
-def test_former_values_are_restored_where_the_flight_changed_them() -> None:
-    flight = Flight(FakeWorld(firmware="1.8.2"), return_home=False)
+def test_former_values_are_restored_where_the_flight_changed_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(settings, "LIMIT_S", PATIENCE_S)
+    event, _, former_tilt = SETTINGS[MAX_TILT]
+    late = threading.Timer(0.05, lambda: world.made[0].event(event, current=former_tilt))
+    world = FakeWorld(firmware="1.8.2", unreported={MAX_TILT}, on_connect=lambda _: late.start())
+    flight = Flight(world, altitude_limit_m=30.0, return_home=False)
     flight.play(TakeOff())
     sent = dict(flight.sdk.sent)
     assert sent[MAX_TILT] == {"current": pytest.approx(10.0)}
     assert (sent[BANKED_TURN], sent[RETURN_HOME]) == ({"value": 0}, {"mode": "off"})
     flight.sdk.sent.clear()
     flight.drone.disconnect()
-    former = [(name, value) for name, (_, _, value) in SETTINGS.items()]
+    former = [(name, old) for name, (_, _, old) in SETTINGS.items() if name != MAX_ALTITUDE]
     assert [(name, *args.values()) for name, args in flight.sdk.sent] == former
-
-
-def test_settings_that_the_flight_did_not_change_are_not_sent() -> None:
-    for movements, unsent in [((), set(SETTINGS)), ((TakeOff(),), {MAX_ALTITUDE, RETURN_HOME})]:
-        flight = Flight(altitude_limit_m=30.0)
-        flight.play(*movements)
-        flight.sdk.sent.clear()
-        flight.drone.disconnect()
-        assert not unsent & {name for name, _ in flight.sdk.sent}
 
 
 def test_an_unconfirmed_limit_is_a_warning_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -54,46 +54,81 @@ def test_an_unconfirmed_limit_is_a_warning_once(caplog: pytest.LogCaptureFixture
     assert f"does not confirm {MAX_TILT} = 10.0 (it reports 20.0) within 2 s" in caplog.text
 
 
-def test_a_late_report_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(settings, "LIMIT_S", PATIENCE_S)
-    event = SETTINGS[MAX_TILT][0]
-    later = threading.Timer(0.05, lambda: world.made[0].event(event, current=15.0))
-    world = FakeWorld(firmware="1.8.2", unreported={MAX_TILT}, on_connect=lambda _: later.start())
-    flight = Flight(world)
-    assert later.finished.is_set()
-    flight.play(TakeOff())
-    flight.drone.disconnect()
-    assert flight.sdk.args(MAX_TILT)[1:] == [{"current": 15.0}]
-
-
 ALL = "MaxTilt, MaxAltitude, MaxVerticalSpeed, MaxRotationSpeed"
 
 
 @pytest.mark.parametrize(
-    ("unreported", "refused", "gone", "line"),
+    ("world", "gone", "line"),
     [
-        ({MAX_TILT, MAX_ALTITUDE}, set(), False, "keeps this flight's MaxTilt, MaxAltitude: check"),
+        (FakeWorld(unreported={MAX_TILT, MAX_ALTITUDE}), False, "MaxTilt, MaxAltitude: check them"),
         # Firmware without banked turns is not warned of.
-        ({BANKED_TURN}, {BANKED_TURN}, True, f"keeps this flight's {ALL}: check"),
-        (set(), set(), True, f"keeps this flight's {ALL}, BankedTurn: check"),
-        (set(), {MAX_TILT}, False, f"does not confirm {MAX_TILT} = 20.0 (it reports None)"),
+        (FakeWorld(unreported={BANKED_TURN}, refused={BANKED_TURN}), True, f"{ALL}: check them"),
+        (FakeWorld(), True, f"{ALL}, BankedTurn: check them"),
+        (FakeWorld(refused={MAX_TILT}), False, f"{MAX_TILT} = 20.0 (it reports None)"),
     ],
 )
 def test_settings_that_cannot_be_restored_are_named(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
-    unreported: set[str],
-    refused: set[str],
+    world: FakeWorld,
     line: str,
     *,
     gone: bool,
 ) -> None:
     monkeypatch.setattr(settings, "LIMIT_S", 0.01)
-    flight = Flight(FakeWorld(unreported=unreported, refused=refused))
+    flight = Flight(world)
     flight.play(TakeOff())
     flight.sdk.sent.clear()
     flight.sdk.connected = not gone
     flight.drone.disconnect()
     assert line in caplog.text
     restored = {name for name, _ in flight.sdk.sent}
-    assert restored == (set() if gone else set(SETTINGS) - unreported - {RETURN_HOME})
+    assert restored == (set() if gone else set(SETTINGS) - world.unreported - {RETURN_HOME})
+
+
+SENSORS, CHECKLIST = "common.CommonState.SensorsStatesListChanged", "alarms.takeoff_checklist"
+ALERT, MOTORS = f"{STATE}.AlertStateChanged", "ardrone3.SettingsState.MotorErrorStateChanged"
+COMPASS = "common.CalibrationState.MagnetoCalibrationRequiredState"
+OTHER = {"sensorName": "vertical_camera", "check": "gyro", "type": "motor_cutout", "motorIds": 10}
+
+
+@pytest.mark.parametrize(
+    ("event", "name", "values", "line"),
+    [
+        (f"{STATE}.HoveringWarning", "no_gps_too_dark", (1, 0), "light: too dark to hover"),
+        (ALERT, "state", ("cut_out", "none"), "alert: cut out"),
+        (ALERT, "state", ("motor_error", "low_battery"), "alert: motor error"),
+        (MOTORS, "motorError", ("errorStalled", "noError"), "motors: errorStalled of motor 2, 4"),
+        (COMPASS, "required", (1, 2), "magnetometer: needs a calibration"),
+        (SENSORS, "sensorState", (0, 1), "vertical camera: does not work"),
+        ("camera.zoom_level", "level", (1.5, 1.0), "camera: zoomed in, 1.5 times"),
+        ("gimbal.calibration_state", "state", ("required", "ok"), "gimbal: needs a calibration"),
+        ("gimbal.alert", "error", (4, 0), "gimbal: reports an error (4)"),
+        (CHECKLIST, "state", ("on", "off"), "take-off checklist: gyro prevents"),
+        ("alarms.alarms", "state", ("on", "off"), "alarm: motor cutout"),
+    ],
+)
+def test_each_reported_fault_lasts_until_it_is_withdrawn(
+    caplog: pytest.LogCaptureFixture, event: str, name: str, values: Any, line: str
+) -> None:
+    report, (bad, good) = SelfReport(), values
+    report.take(event, OTHER | {name: bad})
+    report.take(event, OTHER | {name: bad})
+    (fault,) = report.faults
+    assert f"{fault.what}: {fault.found}".startswith(line)
+    assert fault.remedy
+    assert caplog.text.count(fault.found) == 1
+    report.take(event, OTHER | {name: good})
+    assert report.faults == ()
+
+
+def test_a_fault_of_one_part_is_not_withdrawn_by_another_and_outdoors_does_not_count() -> None:
+    report = SelfReport(return_home=False)  # which cannot be switched off
+    for name in ("barometer", "GPS"):
+        report.take(SENSORS, {"sensorName": name, "sensorState": 0})
+    report.take(SENSORS, {"sensorName": "magnetometer", "sensorState": 1})
+    report.take(CHECKLIST, {"check": "gps", "state": "on"})
+    assert [fault.what for fault in report.faults] == ["barometer", "return home"]
+    report.take("rth.auto_trigger_mode", {"mode": "on"})
+    assert [fault.what for fault in report.faults] == ["barometer"]
+    assert SelfReport(return_home=True).faults == ()
