@@ -241,8 +241,8 @@ def test_a_remote_control_without_its_drone_is_heard_but_not_the_drone() -> None
     state = flight.state
     assert (state.captured_s, state.flying, state.connected) == (0.0, FlyingState.HOVERING, True)
     flight.sdk.event(CONNECTION, state="searching")
-    state = flight.state
-    assert (state.connected, state.lost) == (False, False)  # the remote control may reconnect
+    # The remote control may reconnect.
+    assert (flight.state.connected, flight.state.lost) == (False, False)
 
 
 def test_a_remote_control_needs_a_drone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,7 +177,8 @@ def web() -> Iterator[Any]:
 
 
 def fetched(server: Any, name: str = "100", limit_s: float = PATIENCE_S) -> bytes:
-    return fetch_photo(*server.server_address, name, limit_s)
+    host, port = server.server_address
+    return fetch_photo(host, port, name, limit_s)
 
 
 def test_the_jpeg_of_a_photograph_is_fetched_by_its_identifier(web: Any) -> None:
