@@ -1,4 +1,4 @@
-"""The thread of commands: its queue, and a connection whose SDK blocks."""
+"""The thread of commands, a connection whose SDK blocks, and one to a remote control."""
 
 from __future__ import annotations
 
@@ -6,16 +6,25 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from sim_bridge.olympe import link, settings
 from sim_bridge.olympe.commands import CommandQueue, Kind
-from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, SETTINGS, STATE, FakeWorld, Flight
+from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, SETTINGS, FakeWorld, Flight
 from uav_bt.errors import DroneError
-from uav_bt.types import CutMotors, Land, MoveBy, Movement, Release, Velocity
-
-# --- the queue ------------------------------------------------------------------------------------
+from uav_bt.types import (
+    CutMotors,
+    FlyingState,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Release,
+    TakeOff,
+    Velocity,
+)
 
 
 class Blocked:
@@ -71,8 +80,10 @@ def test_a_landing_overtakes_what_would_move_the_drone() -> None:
 @pytest.mark.parametrize(
     ("job", "message"), [(refused, "does not land"), (cancelled, "gave up: CancelledError")]
 )
-def test_the_next_command_raises_an_error(job: Callable[[], None], message: str) -> None:
+def test_a_command_that_fails_is_an_error(job: Callable[[], None], message: str) -> None:
     commands, landed = CommandQueue(), threading.Event()
+    with pytest.raises(DroneError, match=message):
+        commands.run(job, PATIENCE_S)
     commands.submit(Kind.MOVE, job)
     assert commands.run(lambda: None, PATIENCE_S)
     with pytest.raises(DroneError, match=message):
@@ -83,44 +94,15 @@ def test_the_next_command_raises_an_error(job: Callable[[], None], message: str)
         commands.submit(Kind.END, landed.set)
 
 
-def test_the_other_errors_are_logged(caplog: pytest.LogCaptureFixture) -> None:
-    blocked = Blocked()
-    blocked.queue.submit(Kind.MOVE, lambda: int("no number"))
-    blocked.queue.submit(Kind.MOVE, refused)
-    blocked.go.set()
-    assert blocked.queue.run(lambda: None, PATIENCE_S)
-    with pytest.raises(ValueError, match="no number"):
-        blocked.queue.submit(Kind.END, refused)  # raised by no later command
-    blocked.finish()
-    closed, over = Blocked(), threading.Event()
-    closed.queue.submit(Kind.MOVE, refused)
-    closed.queue.close(over.set)
-    closed.go.set()
-    assert over.wait(PATIENCE_S)
-    assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 3
-
-
 def test_a_job_that_takes_too_long_is_finished_later(caplog: pytest.LogCaptureFixture) -> None:
-    go, begun, after = threading.Event(), threading.Event(), threading.Event()
-    commands = CommandQueue()
-    with pytest.raises(DroneError, match="it does not land"):
-        commands.run(refused, PATIENCE_S)
-
-    def late() -> None:
-        begun.set()
-        assert go.wait(PATIENCE_S)
-        refused()
-
-    assert not commands.run(late, 0.01)
-    commands.close(after.set)
-    assert begun.wait(PATIENCE_S)
+    blocked, after = Blocked(), threading.Event()
+    assert not blocked.queue.run(refused, 0.01)
+    blocked.queue.submit(Kind.MOVE, refused)
+    blocked.queue.close(after.set)
     assert not after.is_set()
-    go.set()
+    blocked.go.set()
     assert after.wait(PATIENCE_S)
-    assert "it does not land" in caplog.text
-
-
-# --- the connection -------------------------------------------------------------------------------
+    assert caplog.text.count("it does not land") == 2
 
 
 def soon(condition: Callable[[], bool]) -> bool:
@@ -196,17 +178,76 @@ def test_it_disconnects_though_a_step_fails(fails: str, caplog: pytest.LogCaptur
     flight.drone.disconnect()
     assert flight.world.destroyed.wait(PATIENCE_S)
     assert "failed: TimeoutError: no answer" in caplog.text
-    calls = {"make", "subscribe", "connect", "send", "disconnect", "destroy"}
-    assert calls <= set(called(flight))
+    assert {"send", "disconnect", "destroy"} <= set(called(flight))
 
 
-def test_an_event_that_cannot_be_read_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
-    flight = Flight()
-    flight.play("floating")  # unknown, which is no error
-    for _ in range(3):
-        with pytest.raises(KeyError):
-            flight.sdk.event(f"{STATE}.AltitudeChanged", height=1.0)
-    assert caplog.messages == [
-        "the drone reports an unknown flying state: floating",
-        f"the drone's data cannot be used: its event {STATE}.AltitudeChanged",
-    ]
+CONNECTION = "drone_manager.connection_state"
+OURS, PILOTS = "Controller", "SkyController"
+
+
+def with_remote() -> Flight:
+    world = FakeWorld(on_connect=lambda sdk: sdk.event(CONNECTION, state="connected"))
+    flight = Flight(world, remote=True)
+    flight.play(PILOTS)
+    assert flight.sdk.given["sky"]
+    assert flight.sdk.played["port"] is None
+    return flight
+
+
+def sources(flight: Flight) -> list[str]:
+    return [args["source"] for args in flight.sdk.args("skyctrl.CoPiloting.setPilotingSource")]
+
+
+@pytest.mark.parametrize(
+    ("steps", "sent", "pilot"),
+    [
+        ([Release()], [], False),  # looking takes no sticks
+        ([TakeOff()], [OURS], False),
+        ([Hover(), OURS, Release(), Release(), PILOTS], [OURS, PILOTS], False),  # given, not taken
+        ([Hover(), OURS, Release(), PILOTS, 5.0, Hover(), OURS], [OURS, PILOTS, OURS], False),
+        # A pilot who takes the sticks keeps them.
+        ([Hover(), OURS, PILOTS, 5.0, Release(), Hover()], [OURS], True),
+    ],
+)
+def test_the_sticks_are_taken_and_given(steps: list[Any], sent: list[str], *, pilot: bool) -> None:
+    flight = with_remote()
+    flight.play(*steps)
+    assert sources(flight) == sent
+    assert flight.state.pilot_has_control is pilot
+
+
+def test_sticks_are_taken_before_a_take_off_and_after_a_landing() -> None:
+    assert with_remote().play(TakeOff())[0] == "setPilotingSource"
+    assert with_remote().play("hovering", Land()) == ["Landing", "setPilotingSource"]
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_the_sticks_are_given_back_in_the_end_also_if_the_drone_is_lost(*, lost: bool) -> None:
+    flight = with_remote()
+    flight.play(TakeOff(), OURS)
+    if lost:
+        flight.sdk.event(CONNECTION, state="searching")
+    flight.drone.disconnect()
+    assert sources(flight) == [OURS, PILOTS]
+
+
+def test_a_remote_control_without_its_drone_is_heard_but_not_the_drone() -> None:
+    flight = with_remote()
+    flight.play("hovering")
+    flight.sdk.measures()
+    for _ in range(300):
+        flight.play(0.05)
+        flight.sdk.event("skyctrl.SkyControllerState.AttitudeChanged", q0=1.0)
+    state = flight.state
+    assert (state.captured_s, state.flying, state.connected) == (0.0, FlyingState.HOVERING, True)
+    flight.sdk.event(CONNECTION, state="searching")
+    # The remote control may reconnect.
+    assert (flight.state.connected, flight.state.lost) == (False, False)
+
+
+def test_a_remote_control_needs_a_drone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "BEHIND_LIMIT_S", 0.01)
+    flight = Flight(remote=True, connect=False)
+    with pytest.raises(DroneError, match="no drone is connected to it: switch the drone on"):
+        flight.drone.connect()
+    assert flight.sdk.played == {}

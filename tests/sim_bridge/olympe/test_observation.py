@@ -1,4 +1,4 @@
-"""Events and frames of an ANAFI as states, faults and frames; speeds as stick positions."""
+"""Events and frames of an ANAFI as states and frames; speeds as stick positions."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sim_bridge.olympe import video
-from sim_bridge.olympe.self_report import SelfReport
 from sim_bridge.olympe.speed import FullSticks, SpeedHolder, Sticks
-from sim_bridge.olympe.video import CaptureTimes, DecodedFrame, FrameClock, decode_frame
+from sim_bridge.olympe.video import CaptureTimes, FrameClock, decode_frame
 from tests.sim_bridge.olympe.fake_olympe import (
     FLYING,
     MEASURED,
@@ -27,9 +26,7 @@ from tests.sim_bridge.olympe.fake_olympe import (
     Flight,
     config,
 )
-from uav_bt.types import BodyVelocity, FlyingState, MoveBy, Velocity
-
-# --- states ---------------------------------------------------------------------------------------
+from uav_bt.types import BodyVelocity, FlyingState, Frame, MoveBy, Velocity
 
 
 def test_events_become_a_state() -> None:
@@ -56,23 +53,7 @@ def test_events_become_a_state() -> None:
     assert (state.battery, state.link) == (0.63, 0.8)
     assert (state.pilot_has_control, state.connected, state.lost) == (False, True, False)
     flight.sdk.connected = False
-    state = flight.state
-    assert (state.connected, state.lost) == (False, True)
-
-
-def test_every_flying_state_is_known() -> None:
-    flight = Flight()
-    for name, expected in {
-        "motor_ramping": FlyingState.TAKING_OFF,
-        "landed": FlyingState.LANDED,
-        "takingoff": FlyingState.TAKING_OFF,
-        "hovering": FlyingState.HOVERING,
-        "landing": FlyingState.LANDING,
-        "emergency": FlyingState.EMERGENCY,
-        "emergency_landing": FlyingState.LANDING,
-    }.items():
-        flight.play(name)
-        assert flight.state.flying is expected, name
+    assert (flight.state.connected, flight.state.lost) == (False, True)
 
 
 def test_other_events_and_our_own_commands_do_not_renew_the_state() -> None:
@@ -111,155 +92,70 @@ def test_a_measured_height_has_its_own_time_and_a_computed_one_that_of_the_altit
     assert (flight.state.times.altitude_s, flight.state.times.height_s) == (1.0, 0.0)
 
 
-# --- faults ---------------------------------------------------------------------------------------
-
-SENSORS, CHECKLIST = "common.CommonState.SensorsStatesListChanged", "alarms.takeoff_checklist"
-ALERT, MOTORS = f"{STATE}.AlertStateChanged", "ardrone3.SettingsState.MotorErrorStateChanged"
-COMPASS = "common.CalibrationState.MagnetoCalibrationRequiredState"
-# What the events have besides, for simplicity all of them.
-OTHER = {"sensorName": "vertical_camera", "check": "gyro", "type": "motor_cutout", "motorIds": 10}
-
-
-@pytest.mark.parametrize(
-    ("event", "name", "values", "line"),
-    [
-        (f"{STATE}.HoveringWarning", "no_gps_too_dark", (1, 0), "light: too dark to hover"),
-        (ALERT, "state", ("cut_out", "none"), "alert: cut out"),
-        (ALERT, "state", ("motor_error", "low_battery"), "alert: motor error"),
-        (MOTORS, "motorError", ("errorStalled", "noError"), "motors: errorStalled of motor 2, 4"),
-        (COMPASS, "required", (1, 2), "magnetometer: needs a calibration"),
-        (SENSORS, "sensorState", (0, 1), "vertical camera: does not work"),
-        ("camera.zoom_level", "level", (1.5, 1.0), "camera: zoomed in, 1.5 times"),
-        ("gimbal.calibration_state", "state", ("required", "ok"), "gimbal: needs a calibration"),
-        ("gimbal.alert", "error", (4, 0), "gimbal: reports an error (4)"),
-        (CHECKLIST, "state", ("on", "off"), "take-off checklist: gyro prevents"),
-        ("alarms.alarms", "state", ("on", "off"), "alarm: motor cutout"),
-    ],
-)
-def test_each_reported_fault_lasts_until_it_is_withdrawn(
-    caplog: pytest.LogCaptureFixture, event: str, name: str, values: Any, line: str
-) -> None:
-    report, (bad, good) = SelfReport(), values
-    report.take(event, OTHER | {name: bad})
-    report.take(event, OTHER | {name: bad})
-    (fault,) = report.faults
-    assert f"{fault.what}: {fault.found}".startswith(line)
-    assert fault.remedy
-    assert caplog.text.count(fault.found) == 1
-    report.take(event, OTHER | {name: good})
-    assert report.faults == ()
-
-
-def test_a_fault_of_one_part_is_not_withdrawn_by_another_and_outdoors_does_not_count() -> None:
-    report = SelfReport(return_home=False)  # which cannot be switched off
-    for name in ("barometer", "GPS"):
-        report.take(SENSORS, {"sensorName": name, "sensorState": 0})
-    report.take(SENSORS, {"sensorName": "magnetometer", "sensorState": 1})
-    report.take(CHECKLIST, {"check": "gps", "state": "on"})
-    assert [fault.what for fault in report.faults] == ["barometer", "return home"]
-    report.take("rth.auto_trigger_mode", {"mode": "on"})
-    assert [fault.what for fault in report.faults] == ["barometer"]
-    assert SelfReport(return_home=True).faults == ()
-
-
-# --- frames ---------------------------------------------------------------------------------------
-
-
 def turned(roll: float, pitch: float, yaw: float) -> dict[str, float]:
     rotation = Rotation.from_euler("ZYX", [yaw, pitch, roll])
     return dict(zip("xyzw", rotation.as_quat().tolist(), strict=True))
 
 
-def decoded(meta: dict[str, Any], stream_us: int = 0) -> DecodedFrame:
-    frame = FakeFrame(meta, stream_us=stream_us)
+@given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
+def test_older_firmware_sends_a_flat_record(roll: float, pitch: float, yaw: float) -> None:
+    record = {"drone_quat": turned(roll, pitch, yaw), "frame_quat": turned(0.0, -0.6, 0.4)}
+    frame = FakeFrame({**record, "ground_distance": 1.25}, stream_us=7)
     frame.ref()
     found = decode_frame(frame)
     assert found is not None
-    return found
-
-
-@given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
-def test_a_rotation_is_read_as_angles(roll: float, pitch: float, yaw: float) -> None:
-    attitude = decoded({"drone": {"quat": turned(roll, pitch, yaw)}}).attitude
-    assert attitude is not None
-    found = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
-    assert found == pytest.approx((roll, pitch, yaw), abs=1e-5)
-
-
-def test_older_firmware_sends_a_flat_record() -> None:
-    record = {"drone_quat": turned(0.0, 0.0, 0.4), "frame_quat": turned(0.0, -0.6, 0.4)}
-    found = decoded({**record, "ground_distance": 1.25}, stream_us=7)
     assert found.attitude is not None
-    angles = (found.attitude.yaw_rad, found.gimbal_pitch_rad)
-    assert angles == pytest.approx((0.4, -0.6))
+    angles = (found.attitude.roll_rad, found.attitude.pitch_rad, found.attitude.yaw_rad)
+    assert angles == pytest.approx((roll, pitch, yaw), abs=1e-5)
+    assert found.gimbal_pitch_rad == pytest.approx(-0.6)
     assert (found.height_m, found.altitude_m, found.stamp) == (1.25, None, ("stream", 7))
 
 
-@pytest.mark.parametrize(
-    "meta",
-    [
-        {},
-        {"drone": 3, "camera": "x"},
-        {"drone": {"quat": {"w": 0, "x": 0, "y": 0, "z": 0}, "ground_distance": None}},
-        {"camera": {"quat": {"w": "a"}, "timestamp": 0}},
-    ],
-)
-def test_metadata_without_content_are_no_error(meta: dict[str, Any]) -> None:
-    found = decoded(meta)
-    assert found == DecodedFrame(image=found.image)
-
-
-def deliver(flight: Flight, *frames: FakeFrame) -> None:
-    for frame in frames:
+def delivered(flight: Flight, *sent: FakeFrame) -> Frame:
+    """Return what is seen of frames that the SDK delivers."""
+    for frame in sent:
         flight.sdk.on_frame(frame)
         assert frame.references == 0
+    seen = flight.drone.observe().frame
+    assert seen is not None
+    return seen
 
 
 def test_only_the_newest_frame_is_seen_with_its_metadata() -> None:
     flight = Flight()
     assert flight.drone.observe().frame is None
     meta = {
-        "drone": {"quat": turned(0.0, 0.0, 0.0), "ground_distance": 0.7, "altitude_ato": 1.1},
+        "drone": {"quat": turned(0.0, 0.0, 0.2), "ground_distance": 0.7, "altitude_ato": 1.1},
         "camera": {"quat": turned(0.0, -0.5, 0.0), "timestamp": 5_000_000},
     }
-    deliver(flight, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
-    frame = flight.drone.observe().frame
-    assert frame is not None
+    frame = delivered(flight, FakeFrame(meta, level=16), FakeFrame(meta, level=235))
     assert (frame.image.shape, frame.index) == ((360, 640, 3), 1)
     assert frame.image.min() > 250
     assert frame.captured_s == pytest.approx(-0.15)
-    assert frame.gimbal_pitch_rad == pytest.approx(-0.5)
+    assert (frame.attitude.yaw_rad, frame.gimbal_pitch_rad) == pytest.approx((0.2, -0.5))
     assert (frame.altitude_m, frame.height_m) == (1.1, 0.7)
     assert frame.height_above_ground_m == pytest.approx(1.15)
     assert flight.drone.observe().frame is frame
 
 
-def test_a_frame_without_metadata_has_the_values_of_the_state_and_grows_old() -> None:
+@pytest.mark.parametrize("meta", [{}, {"drone": 3, "camera": {"quat": {"w": "a"}, "timestamp": 0}}])
+def test_a_frame_without_metadata_has_the_values_of_the_state_and_grows_old(meta: Any) -> None:
     flight = Flight()
     flight.sdk.event(f"{STATE}.AltitudeChanged", altitude=1.3)
     flight.sdk.event("gimbal.attitude", pitch_absolute=-45.0)
-    deliver(flight, FakeFrame())
+    frame = delivered(flight, FakeFrame(meta))
     flight.play(7.0)
-    frame = flight.drone.observe().frame
-    assert frame is not None
     assert frame.altitude_m == 1.3
     assert frame.gimbal_pitch_rad == pytest.approx(math.radians(-45))
     assert flight.drone.clock.now() - frame.captured_s == pytest.approx(7.15)
 
 
 def test_colours_come_back() -> None:
-    """Red, green and blue fields, computed by the equations of BT.709."""
-    wanted = 255.0 * np.eye(3)
-    matrix = np.array([[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])
-    y, cb, cr = (matrix @ wanted) * np.array([[219], [224], [224]]) / 255
-    luma = np.tile(np.repeat(16 + y, 32), (32, 1))
-    chroma = [np.tile(np.repeat(128 + colour, 16), (16, 1)).reshape(8, 96) for colour in (cb, cr)]
-    flight, sent = Flight(image_size_px=(96, 54)), FakeFrame()
-    sent.planes = np.concatenate([luma, *chroma]).round().astype(np.uint8)
-    deliver(flight, sent)
-    frame = flight.drone.observe().frame
-    assert frame is not None
-    assert np.abs(frame.image[27, [16, 48, 80]] - wanted).max() <= 6
+    """A red field, computed by the equations of BT.709."""
+    red = FakeFrame(level=63)
+    red.planes[24:30], red.planes[30:] = 102, 240
+    image = delivered(Flight(), red).image
+    assert np.abs(image - np.array([255.0, 0.0, 0.0])).max() <= 6
 
 
 @pytest.mark.parametrize(
@@ -283,17 +179,14 @@ def test_capture_times_are_those_of_the_fastest_frame(frames: list[Any]) -> None
         assert times.captured(arrived_s, stamp) == pytest.approx(captured_s, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("arrived", "seen", "waits_s"), [(True, False, 0.03), (False, False, 0.13), (True, True, 0.13)]
-)
-def test_a_tick_waits_for_a_frame(*, arrived: bool, seen: bool, waits_s: float) -> None:
+def test_a_tick_waits_a_tenth_of_a_second_for_a_new_frame() -> None:
     clock = FrameClock()
-    if arrived:
-        clock.frame_arrived()
-    if seen:
-        clock.frame_seen()
+    clock.frame_arrived()
     clock.sleep_until(0.03)
-    assert clock.now() >= waits_s
+    assert clock.now() >= 0.03
+    clock.frame_seen()
+    clock.sleep_until(0.03)
+    assert clock.now() >= 0.13
 
 
 def test_a_frame_ends_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -301,12 +194,10 @@ def test_a_frame_ends_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
     flight.drone.observe()
     began_s = time.monotonic()
-    threading.Timer(0.02, lambda: deliver(flight, FakeFrame())).start()
+    threading.Timer(0.02, lambda: flight.sdk.on_frame(FakeFrame())).start()
     flight.drone.clock.sleep_until(0.0)
     assert time.monotonic() - began_s < PATIENCE_S
 
-
-# --- speeds ---------------------------------------------------------------------------------------
 
 FULL = FullSticks(tilt_rad=math.radians(10.0), climb_mps=0.6, yaw_rate_radps=1.6)
 
@@ -325,24 +216,16 @@ def test_sticks_stay_within_a_hundred_percent(
     assert max(map(abs, sticks)) <= 100
 
 
-@pytest.mark.parametrize(("speed_mps", "brakes"), [(0.0, False), (0.05, False), (0.5, True)])
-def test_without_an_order_a_drone_brakes(speed_mps: float, *, brakes: bool) -> None:
-    measured = BodyVelocity(forward_mps=speed_mps)
-    sticks = SpeedHolder(config()).sticks(Velocity(), measured, 0.0, FULL)
-    assert (sticks.pitch < 0) is brakes
-    assert (sticks == Sticks()) is not brakes
+def test_without_an_order_a_drone_brakes_and_then_holds_its_position() -> None:
+    holder = SpeedHolder(config())
+    assert holder.sticks(Velocity(), BodyVelocity(forward_mps=0.5), 0.0, FULL).pitch < 0
+    assert holder.sticks(Velocity(), BodyVelocity(forward_mps=0.05), 1.0, FULL) == Sticks()
 
 
-@pytest.mark.parametrize("plant", ["tilt", "speed"])
-def test_a_speed_is_reached_whether_sticks_command_tilt_or_speed(plant: str) -> None:
+def test_a_speed_is_reached_also_where_sticks_command_speeds() -> None:
     holder, speed_mps, step_s = SpeedHolder(config()), 0.0, 0.05
     for step in range(400):
         measured = BodyVelocity(forward_mps=speed_mps)
         sticks = holder.sticks(Velocity(forward_mps=0.5), measured, step * step_s, FULL)
-        share = sticks.pitch / 100
-        if plant == "tilt":
-            pull_mps2 = 9.81 * math.tan(share * math.radians(10.0)) - 0.25 * speed_mps
-        else:
-            pull_mps2 = (share * 1.0 - speed_mps) / 0.3
-        speed_mps += step_s * pull_mps2
+        speed_mps += step_s * (sticks.pitch / 100 - speed_mps) / 0.3
     assert speed_mps == pytest.approx(0.5, abs=0.05)

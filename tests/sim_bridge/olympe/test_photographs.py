@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Iterator
-from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
@@ -13,7 +12,6 @@ import pytest
 
 from sim_bridge.olympe import media
 from sim_bridge.olympe.media import fetch_photo
-from sim_bridge.olympe.stills import OlympeStills
 from tests.sim_bridge.olympe.fake_olympe import PATIENCE_S, Flight
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Photographing, Still, StillState
@@ -24,13 +22,12 @@ SAVED = Still(state=StillState.SAVED, media="10000001")
 class Flown(Flight):
     """A connected drone, and the answers of its camera."""
 
-    def __init__(self, mode: str | None = "recording") -> None:
+    def __init__(self, mode: str = "recording") -> None:
         super().__init__()
         assert isinstance(self.drone, Photographing)
         assert self.drone.stills is not None
-        self.stills: OlympeStills = self.drone.stills
-        if mode is not None:
-            self.event("camera_mode", mode=mode)
+        self.stills = self.drone.stills
+        self.event("camera_mode", mode=mode)
         self.event("photo_state", available="not_available", state="inactive")
 
     @property
@@ -56,25 +53,17 @@ class Flown(Flight):
         self.event("photo_state", available="available", state="inactive")
         self.drone.observe()
 
-    def taken(self) -> Still:
-        return self.stills.still(self.stills.take_still())
-
 
 @pytest.mark.parametrize(
     ("mode", "commands"),
-    [
-        ("recording", ["photo", "take_photo", "recording"] * 2),
-        ("photo", ["take_photo"] * 2),
-        (None, ["photo", "take_photo", "take_photo"]),  # an unknown mode is not restored
-    ],
+    [("recording", ["photo", "take_photo", "recording"]), ("photo", ["take_photo"])],
 )
-def test_the_camera_changes_its_mode(mode: str | None, commands: list[str]) -> None:
+def test_the_camera_changes_its_mode(mode: str, commands: list[str]) -> None:
     flown = Flown(mode)
     for _ in range(2):
         number = flown.stills.take_still()
         flown.event("camera_mode", mode="photo")
-        flown.event("photo_state", available="not_available", state="inactive")
-        flown.drone.observe()
+        flown.drone.observe()  # the camera is not ready
         flown.ready()
         flown.progress("taking_photo", "photo_taken")
         assert flown.stills.still(number) == Still()
@@ -82,71 +71,54 @@ def test_the_camera_changes_its_mode(mode: str | None, commands: list[str]) -> N
         assert flown.stills.still(number) == SAVED
         flown.drone.observe()
         flown.drone.observe()
-        if mode == "recording":
-            flown.event("camera_mode", mode=mode)
-    assert flown.asked == commands
+        flown.event("camera_mode", mode=mode)
+        flown.event("photo_state", available="not_available", state="inactive")
+    assert flown.asked == commands * 2
 
 
-@pytest.mark.parametrize(
-    ("result", "reason"),
-    [
-        ("error_no_storage_space", "the memory card is full"),
-        ("error_bad_state", "the camera is busy, or in another mode"),
-        ("error", "the camera reports an error"),
-        ("error_of_newer_firmware", "the camera reports 'error_of_newer_firmware'"),
-    ],
-)
-def test_an_error_of_the_camera_is_the_reason(result: str, reason: str) -> None:
+def test_an_error_of_the_camera_is_the_reason() -> None:
     flown = Flown()
     number = flown.stills.take_still()
     flown.ready()
-    flown.progress(result)
-    assert flown.stills.still(number) == Still(state=StillState.FAILED, reason=reason)
+    flown.progress("error_no_storage_space")
+    failed = Still(state=StillState.FAILED, reason="the memory card is full")
+    assert flown.stills.still(number) == failed
     flown.drone.observe()
     assert flown.asked[-1] == "recording"
-
-
-CARD, CHOICE = "user_storage.state", "camera.photo_mode"
-READY = {"physical_state": "available", "file_system_state": "ready"}
-SINGLE = {"mode": "single", "file_format": "dng_jpeg"}
 
 
 @pytest.mark.parametrize(
     ("event", "values", "reason"),
     [
-        (CARD, {"physical_state": "undetected"}, "the drone has no memory card"),
-        (CARD, {"physical_state": "too_small"}, "the memory card is too small"),
-        (CARD, {"file_system_state": "format_needed"}, "the memory card must be formatted"),
-        (CHOICE, {"mode": "burst"}, "the camera is set to 'burst': choose single photographs"),
-        (CHOICE, {"file_format": "dng"}, "the camera is set to 'dng': choose JPEG"),
+        ("user_storage.state", {"physical_state": "undetected"}, "the drone has no memory card"),
+        ("camera.photo_mode", {"mode": "burst"}, "the camera is set to 'burst'"),
+        ("camera.photo_mode", {"file_format": "dng"}, "the camera is set to 'dng': choose JPEG"),
     ],
 )
 def test_what_forbids_photographs(event: str, values: dict[str, str], reason: str) -> None:
-    flown, usual = Flown(), {CARD: READY, CHOICE: SINGLE}
-    flown.sdk.event(event, **usual[event] | values)
-    assert flown.taken().reason.startswith(reason)
+    flown = Flown()
+    card = {"physical_state": "available", "file_system_state": "ready"}
+    usual = {"mode": "single", "file_format": "dng_jpeg", **card}
+    flown.sdk.event(event, **usual | values)
+    number = flown.stills.take_still()
+    assert flown.stills.still(number).reason.startswith(reason)
     assert flown.asked == []
-    flown.sdk.event(event, **usual[event])
-    assert flown.taken().state is StillState.TAKING
+    flown.sdk.event(event, **usual)
+    assert flown.stills.still(flown.stills.take_still()).state is StillState.TAKING
 
 
 def test_events_of_another_photograph_do_not_count() -> None:
     flown = Flown()
     first = flown.stills.take_still()
     flown.progress("photo_saved", "error")  # before the command
-    flown.event("camera_mode", cam_id=1, mode="photo")
-    flown.drone.observe()
-    assert flown.asked == ["photo"]
     flown.ready()
     flown.progress("taking_photo")
     second = flown.stills.take_still()
     assert flown.stills.still(first).reason == "another one was asked for"
     flown.progress("photo_saved")  # of the first
     assert flown.stills.still(second) == Still()
-    flown.progress("taking_photo", "photo_taken", "photo_saved")
+    flown.progress("taking_photo", "photo_saved")
     assert flown.stills.still(second) == SAVED
-    flown.drone.observe()
-    assert flown.asked == ["photo", "take_photo", "take_photo", "recording"]
 
 
 def test_the_mode_is_restored_before_the_drone_is_disconnected() -> None:
@@ -167,14 +139,12 @@ def test_a_command_that_fails_ends_the_photograph_and_not_the_flight() -> None:
     assert flown.stills.still(number).reason == "the command to the camera failed: no answer"
 
 
-# --- the web server -------------------------------------------------------------------------------
-
 PHOTO = b"\xff\xd8 a photograph"
 LISTED, FILE = "/api/v1/media/medias/100", "/data/media/1000001.JPG"
 
 
-def medium(url: str = FILE, format_: str = "JPG") -> bytes:
-    files = [{"format": "DNG", "url": "/data/media/a.DNG"}, {"format": format_, "url": url}]
+def medium(url: str = FILE) -> bytes:
+    files = [{"format": "DNG", "url": "/data/media/a.DNG"}, {"format": "JPG", "url": url}]
     return json.dumps({"resources": files}).encode()
 
 
@@ -192,23 +162,18 @@ class Web(BaseHTTPRequestHandler):
             self.wfile.write(b".")
         self.wfile.write(content or b"")
 
-    def log_message(self, *args: object) -> None:
-        pass
-
 
 @pytest.fixture
 def web() -> Iterator[Any]:
-    server: Any = ThreadingHTTPServer(("127.0.0.1", 0), Web)
-    server.pages = {LISTED: medium(), FILE: PHOTO}
-    server.short = 0  # bytes that are announced and not sent
-    server.drips, server.over = False, threading.Event()
-    thread = threading.Thread(target=partial(server.serve_forever, 0.01), daemon=True)
-    thread.start()
-    yield server
-    server.over.set()
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    server: Any
+    with ThreadingHTTPServer(("127.0.0.1", 0), Web) as server:
+        server.pages = {LISTED: medium(), FILE: PHOTO}
+        server.short = 0  # bytes that are announced and not sent
+        server.drips, server.over = False, threading.Event()
+        threading.Thread(target=server.serve_forever, args=(0.01,)).start()
+        yield server
+        server.over.set()
+        server.shutdown()
 
 
 def fetched(server: Any, name: str = "100", limit_s: float = PATIENCE_S) -> bytes:
@@ -218,25 +183,18 @@ def fetched(server: Any, name: str = "100", limit_s: float = PATIENCE_S) -> byte
 
 def test_the_jpeg_of_a_photograph_is_fetched_by_its_identifier(web: Any) -> None:
     assert fetched(web) == PHOTO
-    for name in ("", "../x", "1/2", "1 2", "1\r\n", "9" * 65):  # no identifier, and never asked for
-        with pytest.raises(DroneError, match="is no identifier"):
-            fetched(web, name)
+    with pytest.raises(DroneError, match="which is no identifier"):
+        fetched(web, "../x")
 
 
 @pytest.mark.parametrize(
     ("path", "content", "words"),
     [
-        (LISTED, None, "answers 404 to GET /api/v1/media/medias/100"),
         (FILE, None, "answers 404 to GET /data/media/1000001.JPG"),
         (FILE, b"<html>", "something else than a JPEG file"),
         (FILE, PHOTO + b"..", "sends more than 14 bytes"),
-        (LISTED, b"{", "lists no JPEG file for '100'"),
-        (LISTED, b"[]", "lists no JPEG file for '100'"),
         (LISTED, b'{"resources": []}', "lists no JPEG file for '100'"),
-        (LISTED, b'{"resources": [1]}', "lists no JPEG file for '100'"),
-        (LISTED, medium(format_="DNG"), "lists no JPEG file for '100'"),
         (LISTED, medium("http://127.0.0.9/a.JPG"), "expected a path of it"),
-        (LISTED, medium("/data/../a.JPG"), "expected a path of it"),
         (LISTED, medium("/data/a.JPG\r\nX: 1"), "expected a path of it"),
     ],
 )
@@ -245,12 +203,11 @@ def test_what_the_drone_sends_is_checked(
 ) -> None:
     monkeypatch.setattr(media, "_MAX_PHOTO_BYTES", 14)
     web.pages[path] = content
-    with pytest.raises(DroneError) as caught:
+    with pytest.raises(DroneError, match=words):
         fetched(web)
-    assert words in str(caught.value)
 
 
-def test_a_photograph_that_ends_early_is_late_or_comes_from_nowhere_is_refused(web: Any) -> None:
+def test_a_photograph_that_ends_early_or_is_late_is_refused(web: Any) -> None:
     """The time limit holds for all of it, also while bytes arrive."""
     web.short = 1
     with pytest.raises(DroneError, match="does not send it: IncompleteRead"):
@@ -258,5 +215,3 @@ def test_a_photograph_that_ends_early_is_late_or_comes_from_nowhere_is_refused(w
     web.short, web.drips = 100_000, True
     with pytest.raises(DroneError, match=r"does not send it: it has not come within 0.3 s"):
         fetched(web, limit_s=0.3)
-    with pytest.raises(DroneError, match=r"web server at 127.0.0.1:1 does not send it"):
-        fetch_photo("127.0.0.1", 1, "100", 5.0)
