@@ -101,7 +101,7 @@ def announcement(identity: Identity, control_port: int) -> bytes:
 
 
 async def read_request(reader: asyncio.StreamReader) -> Request:
-    """Read a request for a link, with or without a NUL at its end; WireError if it is none."""
+    """Read a request for a link, with or without a NUL at its end; WireError for other bytes."""
     data = b""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_REQUEST_S):

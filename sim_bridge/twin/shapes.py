@@ -149,7 +149,7 @@ class SceneLab:
     shapes: Mapping[str, Shape]
 
     def shape(self, kind: str) -> Shape:
-        """Return the shape of a kind; refuse a name that is none."""
+        """Return the shape of a kind; refuse an unknown name."""
         if kind not in self.shapes:
             raise UnknownNameError("kind of object", kind, self.shapes)
         return self.shapes[kind]

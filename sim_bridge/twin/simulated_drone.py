@@ -40,7 +40,7 @@ class Eyes(Protocol):
         """Return what a perfect network would see of a capture."""
 
     def close(self) -> None:
-        """Free what the images need."""
+        """Free the resources of the images."""
 
 
 class SimulatedDrone(ABC):

@@ -166,7 +166,7 @@ _TRIANGLE: Final = _Motif(angles=np.array([0.0, 2.1, 4.2]), radii=0.06, turned=T
 _BAR: Final = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.05), (0.0, 0.05)]
 _SLANTED: Final = [(0.0, 0.0), (0.25, 0.0), (1.25, 1.0), (1.0, 1.0)]
 
-# The colour of each paper, and what is printed on it.
+# The colour of each paper, and its print.
 _PAPERS: Final[dict[str, tuple[Colour, *tuple[Layer, ...]]]] = {
     "dots": ((322, 0.80, 0.80), _bricks(6, 0.0, _disc(0.052), (320, 0.12, 0.98))),
     "leaves": ((128, 0.72, 0.62), _bricks(7, 0.15, _LEAF, (75, 0.55, 0.92), (140, 0.85, 0.30))),

@@ -1,4 +1,4 @@
-"""What every leaf keeps to, and what it declares about itself."""
+"""Rules for every leaf: halted, blind, interrupted; its declarations."""
 
 from __future__ import annotations
 

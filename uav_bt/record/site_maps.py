@@ -21,7 +21,7 @@ _DECIMALS: Final = 3  # decimal places of points in metres
 
 
 def note_of(site_map: SiteMap) -> SiteMapNote:
-    """Return what a record keeps of a map."""
+    """Return the message of a map for a record."""
     cells = np.zeros(site_map.free.shape, dtype=np.uint8)
     cells[site_map.ground] |= _GROUND
     cells[site_map.free] |= _FREE

@@ -23,7 +23,7 @@ _PHOTO_S: Final = 0.5  # least duration of a photograph, s
 
 
 class Camera:
-    """Points the camera, takes photographs, and reports what the card holds.
+    """Points the camera, takes photographs, and reports the contents of the card.
 
     `unanswered` takes the name of a command that is not answered.
     """
