@@ -105,6 +105,19 @@ def test_a_job_that_takes_too_long_is_finished_later(caplog: pytest.LogCaptureFi
     assert caplog.text.count("it does not land") == 2
 
 
+def test_the_other_errors_are_logged(caplog: pytest.LogCaptureFixture) -> None:
+    blocked, over = Blocked(), threading.Event()
+    blocked.queue.submit(Kind.MOVE, lambda: int("no number"))
+    blocked.queue.submit(Kind.MOVE, refused)
+    blocked.go.set()
+    assert blocked.queue.run(lambda: None, PATIENCE_S)
+    with pytest.raises(ValueError, match="no number"):
+        blocked.queue.submit(Kind.END, refused)  # raised by no later command
+    blocked.queue.close(over.set)
+    assert over.wait(PATIENCE_S)
+    assert caplog.text.count("a command to the drone failed: DroneError: it does not land") == 2
+
+
 def soon(condition: Callable[[], bool]) -> bool:
     """Wait for a condition; return whether it became true in time."""
     end_s = time.monotonic() + PATIENCE_S / 2.0
