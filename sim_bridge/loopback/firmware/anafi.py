@@ -30,7 +30,7 @@ class Anafi:
     """Handles commands and publishes events for one client at a time."""
 
     def __init__(
-        self, world: TwinWorld, *, shoot: Shutter, media: MediaStore, charge: float = 1.0
+        self, world: TwinWorld, *, shoot: Shutter, media: MediaStore, charge: float
     ) -> None:
         self._world = world
         self._states = states = States("drone", "common")

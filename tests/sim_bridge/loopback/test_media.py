@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import struct
 import threading
 from typing import Any
 
@@ -61,6 +62,27 @@ async def test_a_photograph_is_listed_and_fetched_and_there_is_nothing_else() ->
         ):
             status, _, body = await ask(port, path, method)
             assert (status, "error" in json.loads(body)) == (refusal, True), path
+
+
+async def test_a_new_photograph_is_notified_and_pings_are_answered() -> None:
+    media = MediaStore()
+    async with serving(media=media) as server:
+        reader, writer = await asyncio.open_connection(HOST, server.ports.http)
+        key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="  # that of RFC 6455, section 1.3
+        writer.write(f"GET {MEDIAS[:-6]}notifications HTTP/1.1\r\n{key}\r\n\r\n".encode())
+        head = (await reader.readuntil(b"\r\n\r\n")).decode()
+        assert "Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=" in head
+        media_id = media.add(PHOTO)
+        for name, part in (("media_created", "media"), ("resource_created", "resource")):
+            kind, long, size = struct.unpack("!BBH", await reader.readexactly(4))
+            assert (kind, long) == (0x81, 126)
+            event = json.loads(await reader.readexactly(size))
+            assert (event["name"], event["data"][part]["media_id"]) == (name, media_id)
+        for opcode, answer in ((0x89, 0x8A), (0x88, 0x88)):
+            writer.write(bytes([opcode, 0x82, 1, 2, 3, 4, ord("h") ^ 1, ord("i") ^ 2]))
+            assert await reader.readexactly(4) == bytes([answer, 2]) + b"hi"
+        assert await reader.read() == b""
+        writer.close()
 
 
 def test_a_card_is_full_when_its_photographs_fill_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,10 +89,18 @@ def test_a_movement_keeps_the_speeds_that_are_set(flown: Bench, steps: list[Step
     assert flown.values("moveByEnd", "error") == ["ok"]
 
 
-def test_a_place_is_flown_to_and_one_that_is_none_is_refused(flown: Bench) -> None:
+@pytest.mark.parametrize(
+    ("mode", "yaw_deg"),
+    [("NONE", 30), ("TO_TARGET", 90), ("HEADING_START", -60), ("HEADING_DURING", -60)],
+)
+def test_a_place_is_flown_to_and_one_that_is_none_is_refused(
+    flown: Bench, mode: str, yaw_deg: float
+) -> None:
     nowhere = move_to(2.0, 0.0, latitude=math.nan), move_to(2.0, 0.0, heading=math.inf)
-    flown.play(*nowhere, move_to(0.0, 4.0), 10.0)
+    there = move_to(0.0, 4.0, orientation_mode=mode, heading=-60.0)
+    flown.play(move_by(dpsi=math.radians(30.0)), 3.0, *nowhere, there, 10.0)
     assert position(flown) == pytest.approx((0.0, 4.0, 1.0), abs=0.1)
+    assert math.degrees(flown.state.attitude.yaw_rad) == pytest.approx(yaw_deg, abs=1.0)
     assert flown.values("moveToChanged", "status") == ["ERROR", "ERROR", "RUNNING", "DONE"]
 
 

@@ -184,6 +184,19 @@ def test_a_good_line_needs_no_repeats_and_a_frame_fits_into_a_packet() -> None:
     assert packs == [events[:1], events[1:3], events[3:]]
 
 
+def test_an_event_is_repeated_until_it_is_acknowledged_and_pings_have_a_rhythm() -> None:
+    sent: list[bytes] = []
+    link = Link(sent.append, 0.0)
+    link.send(b"one", 0.0, acked=True)
+    ack = datagram(FrameType.ACK, EVENTS + ACK_OFFSET, 0, struct.pack("<H", 0))
+    for now_s, expected in ((0.09, 1), (0.11, 2), (0.2, 2), (0.22, 3), (1.9, 3), (2.1, 4), (4, 4)):
+        link.poll(now_s)
+        if now_s == 0.22:
+            link.receive(ack, now_s)
+        assert len(sent) == expected, now_s
+    assert sent[0] == sent[1] == sent[2]
+
+
 def test_each_command_is_acknowledged_and_handled_once_also_when_the_sequence_wraps() -> None:
     sent: list[bytes] = []
     link, numbers = Link(sent.append, 0.0), (65_534, 65_534, 65_535, 0, 65_535, 1)

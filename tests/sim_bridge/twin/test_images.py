@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -151,13 +152,10 @@ def test_sampled_poses_are_where_a_drone_could_be(name: str) -> None:
 
 
 def test_a_share_of_the_cameras_is_lowered_and_nothing_else_changes() -> None:
-    usual, drawn = (
-        sample_flight_poses(SCENE, np.random.default_rng(0), 210, lowered=share)
-        for share in (0.0, 0.5)
-    )
-    assert [replace(pose, pitch_rad=0.0) for pose in drawn] == [
-        replace(pose, pitch_rad=0.0) for pose in usual
-    ]
+    rngs = [(np.random.default_rng(0), share) for share in (0.0, 0.5)]
+    usual, drawn = (sample_flight_poses(SCENE, rng, 210, lowered=share) for rng, share in rngs)
+    for one, other in zip(usual, drawn, strict=True):
+        assert replace(one, pitch_rad=0.0) == replace(other, pitch_rad=0.0)
     lowered = [index for index in range(210) if drawn[index] != usual[index]]
     assert 70 < len(lowered) < 110
     assert all(index % 7 != 6 for index in lowered), "views of the landing are as they were"
@@ -167,20 +165,9 @@ def test_a_share_of_the_cameras_is_lowered_and_nothing_else_changes() -> None:
 def test_views_repeat_and_vary_with_the_seed() -> None:
     """The same seed gives the same bytes; it sets light and noise, but not the truth."""
     poses = sample_flight_poses(SCENE, np.random.default_rng(1), 3)
-    first, again, other = (
-        list(
-            render_views(
-                SCENE,
-                poses,
-                size_px=SMALL,
-                profile=Profile.named("lab"),
-                vary_light=True,
-                seed=seed,
-            )
-        )
-        for seed in (3, 3, 4)
-    )
-    for one, same, changed in zip(first, again, other, strict=True):
+    how: Any = {"size_px": SMALL, "profile": Profile.named("lab"), "vary_light": True}
+    views = [render_views(SCENE, poses, seed=seed, **how) for seed in (3, 3, 4)]
+    for one, same, changed in zip(*views, strict=True):
         assert np.array_equal(one.image, same.image)
         assert not np.array_equal(one.image, changed.image)
         assert np.array_equal(one.ids, changed.ids)

@@ -34,25 +34,6 @@ def test_all_looks_differ_in_colour() -> None:
         assert np.minimum(a, b).sum() < 0.5
 
 
-def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
-    """Neighbouring pixels are as similar."""
-    sheets = [textures.carpet(size_m) for size_m in ((5.0, 4.0), (10.0, 5.0))]
-    assert [sheet.shape for sheet in sheets] == [(1024, 1280, 3), (1280, 2560, 3)]
-    for shift in (1, 8, 64):
-        pairs = ((sheet[:, shift:, 0], sheet[:, :-shift, 0]) for sheet in sheets)
-        paper, hall = (np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs)
-        assert paper == pytest.approx(hall, abs=0.06)
-
-
-@pytest.mark.parametrize("name", SIDE_PAPERS)
-def test_a_small_window_shows_a_pattern_s_colours(name: str) -> None:
-    """Each window of 10 cm has the colours of the whole sheet."""
-    sheet, window = textures.paper(name), round(0.10 / textures.PAPER_TILE_M * 256)
-    for corner in (0, 60, 120):
-        piece = sheet[corner : corner + window, corner : corner + window]
-        assert np.minimum(histogram(piece), histogram(sheet)).sum() > 0.6
-
-
 @pytest.mark.parametrize("name", [*SIDE_PAPERS, *ROOF_PAPERS, "concrete", "wood"])
 def test_tiles_repeat_without_a_seam(name: str) -> None:
     """Neighbouring pixels differ across the edge as little as inside."""
