@@ -6,7 +6,7 @@
     python -m benchmarks.rooms export runs/any.safetensors runs/rooms/train --out runs/any.onnx
     python -m benchmarks.rooms score runs/rooms/test
 
-docs/any-room.md describes the steps; perception/weights/any.md lists the packages and licences.
+perception/weights/any.md describes the steps, and lists the packages and licences.
 """
 
 from __future__ import annotations

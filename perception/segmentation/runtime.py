@@ -149,7 +149,7 @@ class RoomSegmenter:
         self._classes = classes
         obstacle = next(iter(classes.standing), classes.of_role(OBSTACLE)[0])
         self._table = np.array([classes.of_role(OUTSIDE)[0], classes.ground, obstacle], np.uint8)
-        self._network = network = OnnxNetwork(path, "docs/any-room.md: the command")
+        self._network = network = OnnxNetwork(path, "perception/weights/any.md: the command")
         self.size_px = network.take_images(InputFormat())
         outputs = network.outputs()
         if not {"logits", "depth"} <= set(outputs):

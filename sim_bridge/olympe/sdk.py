@@ -113,7 +113,7 @@ def load_sdk() -> Sdk:
         raise MissingDependencyError(
             f"Parrot's SDK cannot be imported with Python {python} "
             f"({type(error).__name__}: {error}); it runs with Python 3.10 to 3.12 on Linux x86-64: "
-            "docs/anafi.md lists the commands that install it in a separate environment"
+            "docs/real-drone.md lists the commands that install it in a separate environment"
         ) from error
     finally:
         logging.disable(disabled)

@@ -75,10 +75,9 @@ MEASURED: Final = {"docs/results.md"}
 LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "RecordedFlight(")
 # Files that a reader provides.
 BROUGHT: Final = {
-    "docs/camera.md": ("boards/1.jpg", "walk.mp4"),
-    "docs/anafi.md": ("boards/1.jpg",),
-    "docs/labs.md": ("walk.mp4",),
-    "docs/your-room.md": ("runs/depot-video/train-a.mp4",),
+    "docs/training.md": ("walk.mp4", "camera.yaml"),
+    "docs/real-drone.md": ("boards/1.jpg",),
+    "docs/network-of-my-room.md": ("runs/depot-video/train-a.mp4",),
     "docs/results.md": ("runs/depot-video/train-a.mp4",),
 }
 
