@@ -31,7 +31,7 @@ def files_below(folder: Path) -> Iterator[Path]:
     for entry in sorted(folder.iterdir()):
         if (
             entry.name in NOT_OURS
-            or entry.name.startswith(".venv")  # as in .gitignore: docs/real-drone.md makes a second one
+            or entry.name.startswith(".venv")  # docs/real-drone.md makes a second one
             or entry.name.endswith((".egg-info", "_cache", ".hypothesis"))
             or (entry.name in ("frames", "training") and entry.parent.parent.name == "labs")
         ):
