@@ -3,7 +3,7 @@
     python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
     python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
 
-docs/faults.md says which reactions are right. Exit code 0: all are; 1: some are not; 2: refused.
+ARCHITECTURE.md says which reactions are right. Exit code 0: all are; 1: some are not; 2: refused.
 """
 
 from __future__ import annotations

@@ -1,20 +1,18 @@
-"""Write the generated parts of `docs/missions/`: drawing, film and figures of a flight.
+"""Write what is generated for `docs/missions/`: drawing, film and figures of a flight.
 
     python -m benchmarks.mission_pages inventory     # fly it and write all parts
-    python -m benchmarks.mission_pages --drawings    # the drawings of all pages
+    python -m benchmarks.mission_pages --drawings    # the drawings of all missions
 
-A part stands between the lines `<!-- NAME -->` and `<!-- end -->`; the rest of a page is written by
-hand. `runs/missions` keeps the flight, and must not have one of this mission yet.
+The figures stand between the lines `<!-- flight -->` and `<!-- end -->`; the rest of a page is
+written by hand. `runs/missions` keeps the flight, and must not have one of this mission yet.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import re
 import subprocess
 import sys
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -26,7 +24,7 @@ import numpy as np
 from uav_bt.app.place import rules_of
 from uav_bt.app.provenance import commit
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
-from uav_bt.tree.describe import Box, ascii_art, render, sketch
+from uav_bt.tree.describe import render
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types.place import LandOn
 
@@ -56,24 +54,10 @@ def load(name: str) -> MissionTree:
     return load_tree(resolve_tree(name), NodeRegistry.installed())
 
 
-def drawing_files(name: str) -> dict[Path, str]:
-    """Return page and whole drawing of a mission, by their files, as they are by today's trees."""
-    tree, page = load(name), PAGES / f"{name}.md"
-    own = re.findall(r'<BehaviorTree ID="(\w+)"', resolve_tree(name).read_text(encoding="utf-8"))
-    drawing = (
-        f"```text\n{ascii_art(_folded(sketch(tree.root), own), tree.name)}```\n\n"
-        "A `SubTree` without children is a shared tree of [trees/lib](../../trees/lib); "
-        f"the [whole drawing](../images/missions/{name}.svg) has all nodes.\n"
-    )
-    whole = {IMAGES / f"{name}.svg": render(tree.root, tree.name, "svg")}
-    return {**whole, page: with_part(page, "drawing", drawing)}
-
-
-def _folded(box: Box, own: list[str]) -> Box:
-    """Return a box without the nodes below the subtrees of other files."""
-    word, _, tree_id = box.tag.partition(" ")
-    shown = () if word == "SubTree" and tree_id not in own else box.children
-    return replace(box, children=tuple(_folded(child, own) for child in shown))
+def drawing(name: str) -> str:
+    """Return the drawing of a mission, as it is by today's trees."""
+    tree = load(name)
+    return render(tree.root, tree.name, "svg")
 
 
 def flight_part(report: dict[str, Any], name: str, *, speed: float, source: str) -> str:
@@ -152,8 +136,7 @@ def main() -> None:
     for name in NAMES if given.drawings else given.names:
         if not given.drawings:
             fly(name)
-        for path, text in drawing_files(name).items():
-            path.write_text(text, encoding="utf-8")
+        (IMAGES / f"{name}.svg").write_text(drawing(name), encoding="utf-8")
 
 
 if __name__ == "__main__":

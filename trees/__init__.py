@@ -1,1 +1,1 @@
-"""Mission files that ship with the project; `README.md` beside them lists nodes and keys."""
+"""Mission files that ship with the project; `README.md` beside them lists them."""

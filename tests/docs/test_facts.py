@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -14,10 +13,7 @@ from typing import Any, Final
 import pytest
 import yaml
 
-from behaviours.nodes import NODES
 from tests.docs.documents import FENCE, ROOT
-from uav_bt.board import MISSION_KEYS
-from uav_bt.board.blackboard import Key
 from uav_bt.plugins import POLICIES
 
 TREES: Final = (ROOT / "trees" / "README.md").read_text(encoding="utf-8")
@@ -59,17 +55,15 @@ def test_every_page_is_linked_from_another() -> None:
     assert set(lone) <= {"README.md"}
 
 
-@pytest.mark.parametrize("key", MISSION_KEYS, ids=lambda key: key.name)
-def test_the_table_of_board_keys_says_how_old_a_value_may_be(key: Key[Any]) -> None:
-    row = re.search(rf"^\| `{key.name}` \|.*\| (.+?) \|$", TREES, re.MULTILINE)
-    assert row is not None, "the key has no row"
-    assert row[1] == ("-" if math.isinf(key.max_age_s) else f"{key.max_age_s:g} s")
-
-
-def test_the_page_of_missions_lists_files_leaves_and_policies() -> None:
+def test_the_page_of_missions_lists_files_shared_trees_and_policies() -> None:
     files = {path.name for path in (ROOT / "trees").glob("*.xml")}
+    shared = {
+        tree_id
+        for path in (ROOT / "trees" / "lib").glob("*.xml")
+        for tree_id in re.findall(r'<BehaviorTree ID="(\w+)"', path.read_text(encoding="utf-8"))
+    }
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    for name in (*files, *(node.node_id for node in NODES), *project["entry-points"][POLICIES]):
+    for name in (*files, *shared, *project["entry-points"][POLICIES]):
         assert f"`{name}`" in TREES, name
 
 

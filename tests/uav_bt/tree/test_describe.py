@@ -26,7 +26,7 @@ from uav_bt.tree.describe import (
     sketch,
     summary,
 )
-from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence
+from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence, SubTree
 from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 TREES = Path(__file__).parents[3] / "trees"
@@ -145,45 +145,40 @@ def test_every_node_of_the_format_describes_itself() -> None:
         assert all(port.doc for port in node.ports), node.node_id
 
 
-# --- docs/tree-files.md: its examples run, and its table agrees with the registry -----------------
+# --- docs/tree-format.md: its examples run, and its list agrees with the registry -----------------
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tree-format.md").read_text(encoding="utf-8")
 XML = re.findall(r"```xml\n(.*?)```", PAGE, re.DOTALL)
-ROWS = {
-    cells[0].strip("`"): cells
-    for line in PAGE.splitlines()
-    if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 5
-    and re.fullmatch(r"`\w+`", cells[0])
-}
+ALIKE = re.compile(r"Switch\d|Loop(Int|Double|Bool)")  # one line for all of a family
 
 
-def test_the_table_has_every_node_of_the_format() -> None:
-    assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
+def line(node: type[Node]) -> str:
+    """Return the line of a node on the page."""
+    written = [node.node_id]
+    for port in node.ports:
+        default = "" if default_text(port) is None else f"={default_text(port)}"
+        written.append(port.name + default + ("" if port.direction == "input" else " (out)"))
+    return f"- {' '.join(f'`{each}`' for each in written)}: {summary(node)}"
 
 
 @pytest.mark.parametrize("node", BUILTIN_NODES, ids=lambda node: node.node_id)
-def test_a_row_says_what_the_node_is(node: type[Node]) -> None:
-    _, kind, ports, doc, _ = ROWS[node.node_id]
-    assert (kind, doc) == (node.kind.value, summary(node))
-    if node.node_id.startswith("Switch"):
-        assert ports == f"`variable`, `case_1` to `case_{len(node.ports) - 1}`"
-    elif node.node_id != "SubTree":
-        written = [
-            port.name
-            + ("" if default_text(port) is None else f"={default_text(port)}")
-            + ("" if port.direction == "input" else " (out)")
-            for port in node.ports
-        ]
-        assert ports == ", ".join(f"`{port}`" for port in written)
+def test_the_page_says_what_a_node_of_the_format_is(node: type[Node]) -> None:
+    if node is SubTree:
+        assert f": {summary(node)}\n" in PAGE
+    elif ALIKE.fullmatch(node.node_id):
+        named = "Switch2` to `Switch6" if "Switch" in node.node_id else node.node_id
+        assert re.search(rf"^- .*`{named}`", PAGE, re.MULTILINE)
+    else:
+        kind = PAGE.partition(f"**{node.kind.value}**")[2].partition("\n**")[0]
+        assert f"{line(node)}\n" in kind
 
 
-def test_proven_is_what_the_traces_contain() -> None:
-    recorded: set[str] = set()
-    for trace in read_traces():
-        recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
-    for node_id, cells in ROWS.items():
-        assert cells[4] == ("traces" if node_id in recorded else "documentation"), node_id
+def test_the_page_says_which_nodes_no_trace_contains() -> None:
+    recorded = {name for trace in read_traces() for name in re.findall(r"<(\w+)", trace["xml"])}
+    (named,) = re.findall(r"contain all nodes above but (.*?);", PAGE.replace("\n", " "))
+    unrecorded = {node.node_id for node in BUILTIN_NODES} - recorded
+    assert set(re.findall(r"`(\w+)`", named)) == unrecorded
 
 
 def test_all_conditions_are_listed() -> None:

@@ -21,7 +21,12 @@ ROOT = Path(__file__).parents[3]
 SOURCES = [
     *(trace["xml"] for trace in read_traces()),
     *re.findall(
-        r"```xml\n(.*?)```", (ROOT / "docs" / "tree-files.md").read_text("utf-8"), re.DOTALL
+        r"```xml\n(.*?)```",
+        "".join(
+            (ROOT / "docs" / f"{name}.md").read_text("utf-8")
+            for name in ("tree-format", "missions-in-depth")
+        ),
+        re.DOTALL,
     )
     * 20,  # has typed ports, remapped subtrees and board keys, so it is used more often
 ]
