@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -16,8 +15,6 @@ import yaml
 
 from behaviours.nodes import NODES
 from tests.docs.documents import FENCE, ROOT
-from uav_bt.board import MISSION_KEYS
-from uav_bt.board.blackboard import Key
 from uav_bt.plugins import POLICIES
 
 TREES: Final = (ROOT / "trees" / "README.md").read_text(encoding="utf-8")
@@ -57,13 +54,6 @@ def test_every_page_is_linked_from_another() -> None:
     }
     lone = [name for name in PAGES if (ROOT / name).resolve() not in linked]
     assert set(lone) <= {"README.md"}
-
-
-@pytest.mark.parametrize("key", MISSION_KEYS, ids=lambda key: key.name)
-def test_the_table_of_board_keys_says_how_old_a_value_may_be(key: Key[Any]) -> None:
-    row = re.search(rf"^\| `{key.name}` \|.*\| (.+?) \|$", TREES, re.MULTILINE)
-    assert row is not None, "the key has no row"
-    assert row[1] == ("-" if math.isinf(key.max_age_s) else f"{key.max_age_s:g} s")
 
 
 def test_the_page_of_missions_lists_files_leaves_and_policies() -> None:

@@ -188,15 +188,9 @@ class NodePorts:
         return None if value is None else self._converted(port, value)
 
     def set_port(self, port: Port[T] | str, value: T) -> None:
-        """Write an output port's variable or board key; an unconnected port writes nothing.
+        """Write the variable or board key of an output port, given as such or by its name.
 
-        Args:
-            port: one of `ports`, or its name.
-            value: of the port's type.
-
-        Raises:
-            BoardAccessError: the node has no output port of that name, or the board key at the port
-                holds another type.
+        An unconnected port writes nothing. A BoardAccessError names a port that the node lacks.
         """
         outputs = [one for one in self.ports if one.direction != "input"]
         name = port if isinstance(port, str) else port.name
