@@ -132,7 +132,8 @@ class Reader:
         written = self._tests()
         flown = [file for file in self._passed if "app.fly(" in file.read_text(encoding="utf-8")]
         left_out = [f"--ignore={path}" for path in ("examples", *flown)]
-        path = os.pathsep.join([str(self.folder), str(self.folder / ".meta")])
+        kept = os.environ.get("PYTHONPATH", "")
+        path = os.pathsep.join([str(self.folder), str(self.folder / ".meta"), kept])
         result = python(
             *("-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist", *left_out, *words),
             folder=self.folder,
