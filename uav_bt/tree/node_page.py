@@ -9,6 +9,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import is_dataclass
 from itertools import groupby
 from typing import Any, Final
@@ -72,9 +73,9 @@ def _board(registry: NodeRegistry) -> Iterator[str]:
 def _row(key: Key[Any], classes: dict[type, str]) -> str:
     name = key.type.__name__
     kind = f"[{name}](#{name.lower()})" if key.type in classes else name
-    unit = f", {key.unit}" if key.unit else ""
+    meaning = (f"{key.doc}, {key.unit}" if key.unit else key.doc).replace("|", "\\|")
     age = "-" if math.isinf(key.max_age_s) else f"{key.max_age_s:g} s"
-    return f"| `{key.name}` | {kind} | {key.doc}{unit} | {key.writer or '-'} | {age} |"
+    return f"| `{key.name}` | {kind} | {meaning} | {key.writer or '-'} | {age} |"
 
 
 def _add_class(kind: Any, classes: dict[type, str]) -> None:
@@ -85,7 +86,9 @@ def _add_class(kind: Any, classes: dict[type, str]) -> None:
     fields, calls = list[str](), list[str]()
     classes[kind] = ""
     for base in kind.__mro__[::-1]:
-        if base.__module__ not in sys.stdlib_module_names:
+        if base.__module__ in sys.stdlib_module_names:
+            continue
+        with suppress(OSError):  # a class that no file has
             body = _HEAD.sub("", textwrap.dedent(inspect.getsource(base)))
             shown = textwrap.dedent(re.split(r"(?m)^    (?:@|def |__)", body)[0])
             fields.append(re.sub(r" = field\([^#\n]*\)", "", shown).strip())

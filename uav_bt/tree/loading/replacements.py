@@ -177,17 +177,16 @@ class Replacements:
             note(f"'{name}' cannot be replaced", name)
         if isinstance(node, SubTree) or not fixed:
             known = self._known(built, node)
-            for name in texts.keys() - known:
-                what_it_is = "tree" if isinstance(node, SubTree) else "node"
+            whole = "tree" if isinstance(node, SubTree) else "node"
+            for name in sorted(texts.keys() - known):
                 hint = did_you_mean(name, known) or self._having(built, name)
-                note(f"the {what_it_is} has no port '{name}'{hint}", name)
+                note(f"the {whole} has no port '{name}'{hint}", name)
         if isinstance(node, SubTree):
             self._attributes.entries(texts, note)
         elif not fixed:
             ports = node.ports_over(len(node.children))
             taken = [port for port in ports if port.name in texts]
-            right = {port.name: texts[port.name] for port in taken}
-            self._attributes.bound(taken, right, note)
+            self._attributes.bound(taken, {port.name: texts[port.name] for port in taken}, note)
         if is_good and part.is_good:
             part.given.update(texts)
             node.rebind(texts)
