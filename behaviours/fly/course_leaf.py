@@ -145,6 +145,7 @@ class GiveWay(CourseLeaf):
     """
 
     points = True
+    group = "Parts of shipped subtrees"
     answers = (Status.FAILURE, Status.RUNNING)
     ports = (Port("gives_way", bool, True, "false: it always fails"), GIMBAL)
 

@@ -68,6 +68,7 @@ class HelipadCenter(MovingLeaf):
     """
 
     points = True
+    group = "Landing"
     ports = (
         number("climb_m", 0.2, 0, 5, "how much to climb for a view of the pad, m"),
         number("low_m", 1.1, 0.3, 20, "second centring's height, m; at least 0.7 m above the mark"),

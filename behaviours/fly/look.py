@@ -178,6 +178,7 @@ class MovesOn(Leaf):
     SUCCESS.
     """
 
+    group = "Parts of shipped subtrees"
     condition = True
     ports = (
         number("within_m", 0.5, 0.1, 100, "a drone within this distance of a place stays there, m"),

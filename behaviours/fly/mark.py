@@ -57,6 +57,7 @@ class MarkFound(Leaf):
     small error. A place that did not lead to the mark counts again after a new sighting.
     """
 
+    group = "Parts of shipped subtrees"
     condition = True
     reads = (*TRACK_KEYS, TRACK_TRIED)
 
@@ -84,6 +85,7 @@ class SearchUnderPolicy(SteeringLeaf):
     """
 
     points = True
+    group = "Parts of shipped subtrees"
     answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         *(POLICY, FLOWING, GIMBAL),
@@ -141,6 +143,7 @@ class ScanBelow(CourseLeaf):
     """Make one full turn with the camera down; FAILURE at its end."""
 
     points = True
+    group = "Parts of shipped subtrees"
     answers = (Status.FAILURE, Status.RUNNING)
     ports = (number("gimbal_deg", -65.0, -90, 90, "camera pitch, degrees"),)
 
@@ -172,6 +175,7 @@ class StopAboveMark(CourseLeaf):
     """
 
     points = True
+    group = "Parts of shipped subtrees"
     ports = (
         GIMBAL,
         number("arrive_m", 0.12, 0.01, 2, "horizontal distance that counts as above, m"),
@@ -222,6 +226,7 @@ class Detour(SteeringLeaf):
     """
 
     points = True
+    group = "Parts of shipped subtrees"
     answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         *(POLICY, FLOWING, GIMBAL),
@@ -276,6 +281,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
     """
 
     points = True
+    group = "Parts of shipped subtrees"
     ports = (POLICY, GIMBAL)
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)
 

@@ -122,6 +122,7 @@ class NextObject(MapLeaf):
 
     PLACE: ClassVar = Port("place", str, direction="output", doc="the object, such as object:3")
     LABEL: ClassVar = Port("label", str, direction="output", doc="its class, such as box_5")
+    group = "Looking"
     answers = (Status.SUCCESS, Status.FAILURE)
     ports = (CLASS, PLACE, LABEL)
     reads = (SITE_MAP, VISITED)
@@ -156,6 +157,7 @@ class ViewPoints(MapLeaf):
 
     OF: ClassVar = Port("of", str, check=Place.parse, sample="object:1", doc="object, or place")
     PLACES: ClassVar = Port("places", str, direction="output", doc=_VIEWS)
+    group = "Looking"
     answers = (Status.SUCCESS, Status.FAILURE)
     needed = (SITE_MAP,)
     ports = (

@@ -106,6 +106,7 @@ class TakePhoto(Leaf):
     images stores pose and class map. A halted leaf leaves the camera where it is.
     """
 
+    group = "Looking"
     moves = True
     points = True
     ports = (

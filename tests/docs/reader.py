@@ -132,15 +132,18 @@ class Reader:
         written = self._tests()
         flown = [file for file in self._passed if "app.fly(" in file.read_text(encoding="utf-8")]
         left_out = [f"--ignore={path}" for path in ("examples", *flown)]
-        path = os.pathsep.join([str(self.folder), str(self.folder / ".meta")])
+        kept = os.environ.get("PYTHONPATH", "")
+        path = os.pathsep.join(filter(None, [str(self.folder), str(self.folder / ".meta"), kept]))
         result = python(
             *("-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist", *left_out, *words),
             folder=self.folder,
             environment={"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
         )
         assert result.returncode in codes, result.stdout + result.stderr
+        assert "warnings summary" not in result.stdout, result.stdout
         if " passed" in result.stdout and " failed" not in result.stdout:
-            self._passed.update(written)
+            named = {self.folder / word for word in words if (self.folder / word).is_file()}
+            self._passed.update(named or written)
         return result.stdout
 
     # --- commands ---------------------------------------------------------------------------------

@@ -16,7 +16,6 @@ pytestmark = pytest.mark.flight
 EXAMPLES: Final = ROOT / "examples"
 NOTEBOOK: Final = "06_notebook.ipynb"
 PRINTED: Final = {
-    "01_leaf.py": "success",
     "02_policy.py": "m flown",
     "03_drone.py": "yaw_rad=1.57",
     "04_landing.py": "from the middle of the pad",

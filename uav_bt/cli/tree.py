@@ -27,6 +27,7 @@ from uav_bt.option import Option
 from uav_bt.tree import Node, NodeRegistry, describe, load_tree
 from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
+from uav_bt.tree.node_page import node_page
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import port_text
 from uav_bt.tree.shipped import resolve_tree
@@ -54,14 +55,14 @@ def nodes(
 
     Options:
         format_: xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a
-            page with a section for each node.
+            page with a section for each node, and one for each board key's type.
     """
     chosen = NodeRegistry(registry[name] for name in names) if names else registry
     listed = [registry[name] for name in names] or describe.in_order(registry)
     if format_ == "xml":
         click.echo(describe.palette_xml(chosen), nl=False)
     elif format_ == "markdown":
-        click.echo(describe.node_page(chosen), nl=False)
+        click.echo(node_page(chosen, board=not names), nl=False)
     elif format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
     else:

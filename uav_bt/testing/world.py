@@ -118,8 +118,9 @@ def drawn_map(
 
         site_map = drawn_map(walls=[((0.8, -2.0), (0.8, 2.0))], pose=(-1.0, 0.0, 0.0))
 
-    The frame is that of a `SiteMap`: the take-off pose is the origin, x ahead of it, y to its
-    right. Objects, mark and movers are added with `dataclasses.replace`.
+    The frame is that of a `SiteMap`. Its take-off pose is the origin with heading 0, so x is ahead
+    of it and y to its right. Objects, mark, movers and another `start` are added with
+    `dataclasses.replace`.
 
     Args:
         ground_m: side of the ground.

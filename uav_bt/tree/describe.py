@@ -1,4 +1,4 @@
-"""What nodes there are, as data, page and model for editors; drawings of trees."""
+"""What nodes there are, as data, text and model for editors; drawings of trees."""
 
 from __future__ import annotations
 
@@ -72,32 +72,25 @@ def in_order(registry: NodeRegistry) -> list[type[Node]]:
     return sorted(nodes, key=lambda one: (one in BUILTIN_NODES, kinds.index(one.kind), one.node_id))
 
 
-def _own(registry: NodeRegistry) -> list[type[Node]]:
+def own_nodes(registry: NodeRegistry) -> list[type[Node]]:
     """Return the nodes that are not the format's."""
     return [registry[name] for name in registry if registry[name] not in BUILTIN_NODES]
 
 
-# --- a page in Markdown ---------------------------------------------------------------------------
-
-
-def node_page(registry: NodeRegistry) -> str:
-    """Return a page about the nodes of a registry that are not the format's."""
-    nodes = _own(registry)
-    links = ", ".join(f"[{node.node_id}](#{node.node_id.lower()})" for node in nodes)
-    sections = ["\n\n".join(section(node)) for node in nodes]
-    return "\n\n".join([f"# Nodes\n\n{links}", *sections]) + "\n"
+# --- a node in Markdown ---------------------------------------------------------------------------
 
 
 def example(node: type[Node]) -> str:
-    """Return a tag of the node with a value for each port that a tree file must give."""
-    given = "".join(f' {port.name}="{_sample(port)}"' for port in node.ports if port.required)
-    return f"<{node.node_id}{given}/>"
+    """Return a tag of the node with its outputs, and a value for each port that needs one."""
+    given = {port.name: _sample(port) for port in node.ports if port.required}
+    given |= {port.name: f"{{{port.name}}}" for port in node.ports if port.direction == "output"}
+    return " ".join([f"<{node.node_id}", *(f'{name}="{given[name]}"' for name in given)]) + "/>"
 
 
-def section(node: type[Node]) -> Iterator[str]:
+def section(node: type[Node], heading: str = "##") -> Iterator[str]:
     """Yield the paragraphs about a node."""
     found = declared(node)
-    yield f"## {node.node_id}"
+    yield f"{heading} {node.node_id}"
     # The attributes of a class have a table here.
     yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
     yield f"Example: `{example(node)}`"
@@ -142,7 +135,7 @@ def palette_xml(registry: NodeRegistry) -> str:
     """
     root = ET.Element("root", BTCPP_format="4")
     model = ET.SubElement(root, "TreeNodesModel")
-    for node in _own(registry):
+    for node in own_nodes(registry):
         add_model(model, node)
     model.extend(map(to_xml, Lookup().described.values()))
     ET.indent(root)

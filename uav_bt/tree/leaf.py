@@ -45,6 +45,7 @@ class Leaf(Node):
     lands: ClassVar[bool] = False  # True: it ends with the drone on the ground
     repeats: ClassVar[bool] = False  # True: ticked after SUCCESS, it does its work once more
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
+    group: ClassVar[str] = ""  # heading on the page of nodes; empty: by what the leaf declares
     # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
     budget_s: ClassVar[float] = 0.5
     kind = NodeKind.ACTION

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
+from uav_bt.errors import (
+    BoardAccessError,
+    InputError,
+    MissionError,
+    UnknownValueError,
+    did_you_mean,
+)
 from uav_bt.protocols import Clock
 from uav_bt.tree.port import Port, Reference, bind_ports
 from uav_bt.tree.script.parser import Script
@@ -147,10 +153,7 @@ class NodePorts:
         value = self.literals.get(name, _NO_LITERAL)
         if value is not _NO_LITERAL:
             return value
-        for port in self.ports:
-            if port.name == name:
-                return self._resolved(port)
-        raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
+        return self._resolved(self._declared(name, "port", self.ports))
 
     def initial_value(self, port: Port[T]) -> T | None:
         """Return a port's value before the tree runs; None where only the flight gives one.
@@ -184,15 +187,28 @@ class NodePorts:
             return value
         return None if value is None else self._converted(port, value)
 
-    def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; an unconnected port writes nothing."""
-        at = self._references.get(port.name)
+    def set_port(self, port: Port[T] | str, value: T) -> None:
+        """Write the variable or board key of an output port, given as such or by its name.
+
+        An unconnected port writes nothing. A BoardAccessError names a port that the node lacks.
+        """
+        outputs = [one for one in self.ports if one.direction != "input"]
+        name = port if isinstance(port, str) else port.name
+        at = self._references.get(self._declared(name, "output port", outputs).name)
         if at is None:
             return  # not connected
         if at.on_board:
             self._board.write(self._board_key(at), value)
         else:
             self.variables[at.key] = value
+
+    def _declared(self, name: str, what: str, ports: Iterable[Port[Any]]) -> Port[Any]:
+        """Return the port of a name among some of the node's."""
+        by_name = {port.name: port for port in ports}
+        if name not in by_name:
+            hint = did_you_mean(name, by_name) + f" (known: {', '.join(by_name) or 'none'})"
+            raise BoardAccessError(f"node '{self.path}' declares no {what} '{name}'{hint}")
+        return by_name[name]
 
     def reference(self, port: Port[Any]) -> Reference | None:
         """Return a port's reference, or None when it has a literal or is unconnected."""

@@ -93,9 +93,9 @@ class Frame(FrameNote):
 class ClassMap:
     """A class id for every pixel of a (resized) frame."""
 
-    ids: NDArray[np.uint8]
-    classes: LabClasses
-    captured_s: float
+    ids: NDArray[np.uint8]  # (H, W)
+    classes: LabClasses  # `classes.names` has the names by id
+    captured_s: float  # of the frame
 
     __repr__ = brief_repr
 

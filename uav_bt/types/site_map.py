@@ -24,7 +24,7 @@ EDGE_MARGIN_M: Final = 0.3  # m beyond the edge, from which a place counts as ou
 class MapObject:
     """An object on the ground; size and place are those of the seen part of its base."""
 
-    class_id: int
+    class_id: int  # `site_map.classes.names` has the names by id
     x_m: float  # the middle of its base, in the map's frame
     y_m: float
     size_m: float  # seen length of the longer side of its base
@@ -62,10 +62,10 @@ class MapObject:
 class MapMark:
     """The landing mark in the map."""
 
-    x_m: float
+    x_m: float  # its middle, in the map's frame
     y_m: float
-    std_m: float
-    seen_s: float
+    std_m: float  # one standard deviation of the position
+    seen_s: float  # the capture of the newest frame that showed it
     moved_m: float = 0.0  # sum of the distances by which the mark was moved on the map
     # Direction of its upper edge, clockwise from the map's x; None if the mark does not show it.
     yaw_rad: float | None = None
@@ -120,7 +120,7 @@ class SiteMapBase:
     restarts: int = 0  # number of times the map was begun again, because of that
     full: bool = False  # whether part of the room lies beyond the grid
     untracked_s: float = 0.0  # time for which the odometry has followed no ground
-    # The take-off pose: the drone's pose when the map began
+    # The take-off pose: the drone's pose when the map began. Places of tree files count from it
     start: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
     def object(self, object_id: int | None) -> MapObject | None:
@@ -132,9 +132,9 @@ class SiteMapBase:
 class SiteMap(SiteMapBase):
     """Grids around the take-off point, obstacles in them, and obstacles near the drone.
 
-    The frame is that of dead reckoning: x along yaw 0, y to its right, the origin where the mission
-    began. Views correct the drone's pose in it. All grids have the same shape, rows along x and
-    columns along y.
+    The frame is that of dead reckoning: x along heading 0 of the telemetry, y to its right, the
+    origin where the mission began; `start` is the take-off pose in it. Views correct the drone's
+    pose. All grids have the same shape, rows along x and columns along y.
     """
 
     classes: LabClasses  # classes of the objects

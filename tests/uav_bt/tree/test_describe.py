@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import enum
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 
 from behaviours.nodes import NODES
 from tests.conformance import Scripted, read_traces
 from tests.worlds.trees import World, document
-from uav_bt.board import STATE
+from uav_bt.board import STATE, Key
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import (
@@ -21,13 +24,15 @@ from uav_bt.tree.describe import (
     default_text,
     example,
     in_order,
-    node_page,
     render,
     sketch,
     summary,
 )
 from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence, SubTree
+from uav_bt.tree.node_page import node_page
+from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence
 from uav_bt.tree.port import CONDITION_ATTRIBUTES
+from uav_bt.types.arrays import Floats
 
 TREES = Path(__file__).parents[3] / "trees"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -122,9 +127,64 @@ def test_the_page_of_the_docs_is_that_of_the_source() -> None:
 
 
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.node_id)
-def test_an_example_loads(node: type[Node]) -> None:
+def test_an_example_loads_and_has_the_outputs(node: type[Node]) -> None:
+    outputs = [port.name for port in node.ports if port.direction == "output"]
+    assert all(f'{name}="{{{name}}}"' in example(node) for name in outputs)
     tree = f'<BehaviorTree ID="T">{example(node)}</BehaviorTree>'
     assert parse_tree(f'<root BTCPP_format="4">{tree}</root>', registry=LEAVES)
+
+
+class Side(enum.Enum):
+    """Where it stands."""
+
+    LEFT = "left"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Post:
+    """A post."""
+
+    x_m: float  # in the map's frame
+    # (N, 2) its corners
+    corners_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    side: Side = Side.LEFT
+
+    @property
+    def far(self) -> bool:
+        """Whether it is far."""
+        return self.x_m > 5
+
+    def beside(self, y_m: float) -> Post | None:
+        """Return the next one."""
+
+
+class FindPost(Leaf):
+    """Find a post."""
+
+    writes = (Key("post", Post, "the nearest post", "", "FindPost", 0.5),)
+
+
+class Count(Leaf):
+    """Count posts."""
+
+    group = "Posts"
+
+
+def test_the_page_has_a_group_for_each_node_and_the_fields_of_the_boards_values() -> None:
+    page = node_page(NodeRegistry([Count, FindPost, Scripted]))
+    links = ["Perceiving: [FindPost](#findpost)", "Others: [Scripted](#scripted)", "Posts: [Count]"]
+    assert [line for line in links if f"- {line}" not in page] == []
+    assert page.index("- Others") < page.index("- Posts") < page.index("## Posts\n\n### Count\n")
+    assert "| `post` | [Post](#post) | the nearest post | FindPost | 0.5 s |" in page
+    assert "| `home_m` | float | straight distance to the take-off point; -1: unknown, m |" in page
+    fields = (
+        "x_m: float  # in the map's frame\n# (N, 2) its corners\ncorners_m: Floats\n"
+        "side: Side = Side.LEFT\n\nfar -> bool  # Whether it is far.\n"
+        "beside(y_m: float) -> Post | None  # Return the next one."
+    )
+    assert f"### Post\n\nA post.\n\n```text\n{fields}\n```" in page
+    assert '### Side\n\nWhere it stands.\n\n```text\nLEFT = "left"\n```' in page
+    assert "Board keys" not in node_page(NodeRegistry([Count]), board=False)
 
 
 def test_every_number_of_a_shipped_leaf_has_a_range() -> None:

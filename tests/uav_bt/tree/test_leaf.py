@@ -177,7 +177,7 @@ class Sensor(Leaf):
         if mode == "ok":
             height_m = self.read(HEIGHT).value or 0.0
             self.write(SPEED, height_m * 2)
-            self.set_port(self.ports[2], self.port(self.ports[1]))
+            self.set_port("out", self.port(self.ports[1]))
         elif mode == "read":
             self.read(ELAPSED)
         elif mode == "write":
@@ -185,7 +185,7 @@ class Sensor(Leaf):
         elif mode == "type":
             self.write(SPEED, "fast")  # type: ignore[arg-type]
         elif mode == "port":
-            self.port_value("sped")
+            self.set_port("ot", 1.0)
         elif mode == "stale":
             self.port_value("speed")
         return Status.SUCCESS

@@ -127,13 +127,13 @@ class Replacements:
             self._give(built, leaf, leaf.values_taken(self._by_key), leaf.node_id, None)
         chosen = set[tuple[str, str]]()
         for target, given in self._overrides.items():
-            for node in self._hits(built, target, target, None):
+            for node in self._hits(built, target, given, target, None):
                 self._give(built, node, given, target, None)
                 chosen |= {(node.path, name) for name in given}
         parameters = self._document.parameters
         for name, text in parameters.ports.items():
             place, (target, port) = parameters.places.get((SET, name)), split_port(name)
-            hits = self._hits(built, target, name, place)
+            hits = self._hits(built, target, (port,), name, place)
             if any((node.path, port) in chosen for node in hits):
                 message = f"port '{name}' is given two values: leave one of them out"
                 self._refuse(message, place)
@@ -143,12 +143,15 @@ class Replacements:
                 self._give(built, hits[0], {port: text}, name, place)
                 chosen.add((hits[0].path, port))
 
-    def _hits(self, built: Built, target: str, what: str, place: Place | None) -> list[Node]:
+    def _hits(
+        self, built: Built, target: str, ports: Iterable[str], what: str, place: Place | None
+    ) -> list[Node]:
         """Return the nodes of a path or name; refuse one that no node has."""
         nodes = [node for node in built.tree.nodes() if node.path in built.parts]
         hits = [node for node in nodes if target in (node.path, node.name)]
         if not hits and target not in self._made:
             hint = did_you_mean(target, {node.name for node in nodes})
+            hint += "".join(self._having(built, port) for port in ports)
             message = f"the tree has no node of that name or path{hint}"
             self._refuse(f"override of '{what}': {message}", place)
         return hits
@@ -172,20 +175,36 @@ class Replacements:
         fixed = [name for name in texts if name in _FIXED or name.startswith("_")]
         for name in fixed:
             note(f"'{name}' cannot be replaced", name)
+        if isinstance(node, SubTree) or not fixed:
+            known = self._known(built, node)
+            whole = "tree" if isinstance(node, SubTree) else "node"
+            for name in sorted(texts.keys() - known):
+                hint = did_you_mean(name, known) or self._having(built, name)
+                note(f"the {whole} has no port '{name}'{hint}", name)
         if isinstance(node, SubTree):
-            described = self._document.subtree_ports.get(node.tree_id) or {}
-            known = {*described, *part.element.attributes}
-            for name in texts.keys() - known:
-                note(f"the tree has no port '{name}'{did_you_mean(name, known)}", name)
             self._attributes.entries(texts, note)
         elif not fixed:
             ports = node.ports_over(len(node.children))
             taken = [port for port in ports if port.name in texts]
-            self._attributes.bound(taken if len(taken) == len(texts) else ports, texts, note)
+            self._attributes.bound(taken, {port.name: texts[port.name] for port in taken}, note)
         if is_good and part.is_good:
             part.given.update(texts)
             node.rebind(texts)
             built.tree.replaced.setdefault(node.path, {}).update(texts)
+
+    def _known(self, built: Built, node: Node) -> set[str]:
+        """Return the names of the ports of a node, or of the entries of a SubTree."""
+        if isinstance(node, SubTree):
+            described = self._document.subtree_ports.get(node.tree_id) or {}
+            return {*described, *built.parts[node.path].element.attributes}
+        return {port.name for port in node.ports_over(len(node.children))}
+
+    def _having(self, built: Built, port: str) -> str:
+        """Return a sentence that names the nodes with a port; empty if there are none."""
+        nodes = (node for node in built.tree.nodes() if node.path in built.parts)
+        names = dict.fromkeys(node.name for node in nodes if port in self._known(built, node))
+        shown = ", ".join(f"'{name}.{port}'" for name in [*names][:_MAX_PATHS])
+        return f"; nodes with this port: {shown}" if names else ""
 
     def _with_places(
         self, part: Part, node: Node, port: str, text: str, place: Place | None
