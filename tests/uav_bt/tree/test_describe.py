@@ -28,9 +28,8 @@ from uav_bt.tree.describe import (
     sketch,
     summary,
 )
-from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence, SubTree
 from uav_bt.tree.node_page import node_page
-from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence
+from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence, SubTree
 from uav_bt.tree.port import CONDITION_ATTRIBUTES
 from uav_bt.types.arrays import Floats
 
