@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from behaviours.path.margins import Passage
 from behaviours.path.passages import ClearanceMaps
+from behaviours.path.room import room_at
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -49,11 +52,8 @@ def view_points(
     cost = np.abs(turns_rad)[:, None] + _SCALE_RAD * np.arange(len(_SCALES))
     turn, scale = np.unravel_index(np.argsort(cost, axis=None, kind="stable"), cost.shape)
     distances_m = distance_m * np.array(_SCALES)[scale]
-    middles_rad = _first_rad(target, maps.map.pose) + math.tau * np.arange(count) / count
-    bearings_rad = middles_rad[:, None] + turns_rad[turn]
-    directions = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=-1)
-    sides_m = np.array([target.x_m, target.y_m]) + directions * _reach_m(target, bearings_rad)
-    places_m = sides_m + directions * distances_m[:, None]
+    bearings_rad = _wanted_rad(target, maps.map.pose, count)[:, None] + turns_rad[turn]
+    places_m, sides_m = _around(target, bearings_rad, distances_m)
     time_s, ordinary = _time_s(maps, places_m), maps[Passage.ORDINARY]
     # Room wherever the place lies in its cell.
     room_m = ordinary.margins.touch_m + maps.map.cell_m / 2
@@ -69,6 +69,42 @@ def view_points(
         for (x_m, y_m), rad in zip(places_m[best], bearings_rad[best], strict=True)
     ]
     return _tour(poses, time_s[best])
+
+
+def why_none(maps: ClearanceMaps, target: MapObject, *, distance_m: float, count: int) -> str:
+    """Return why the wanted places around an object are no view points: the two usual reasons."""
+    site_map, ordinary = maps.map, maps[Passage.ORDINARY]
+    places_m, sides_m = _around(target, _wanted_rad(target, site_map.pose, count), distance_m)
+    ways = np.isfinite(_time_s(maps, places_m))
+    reasons = Counter[str]()
+    for place_m, way, seen in zip(
+        places_m.tolist(), ways, _in_sight(site_map, target, places_m, sides_m), strict=True
+    ):
+        room = room_at((place_m[0], place_m[1]), maps, Passage.ORDINARY)
+        room = replace(room, needed_m=room.needed_m + site_map.cell_m / 2)
+        if site_map.is_beyond_edge(*place_m):
+            reasons["beyond the edge of the ground"] += 1
+        elif room.short_m > 0.0:
+            reasons[str(room)] += 1
+        elif not site_map.lies_on(ordinary.free, np.array(place_m)):
+            reasons["never seen"] += 1
+        else:
+            reasons["no free view" if way and not seen else "no known way there"] += 1
+    return "; ".join(f"{number} of {count}: {text}" for text, number in reasons.most_common(2))
+
+
+def _wanted_rad(target: MapObject, pose: Pose2D, count: int) -> Floats:
+    """Return the bearings of the wanted places, (count,), from an object."""
+    return np.asarray(_first_rad(target, pose) + math.tau * np.arange(count) / count)
+
+
+def _around(
+    target: MapObject, bearings_rad: Floats, distances_m: Floats | float
+) -> tuple[Floats, Floats]:
+    """Return places at distances from an object, and the points of its outline before them."""
+    directions = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=-1)
+    sides_m = np.array([target.x_m, target.y_m]) + directions * _reach_m(target, bearings_rad)
+    return sides_m + directions * np.asarray(distances_m)[..., None], sides_m
 
 
 def _first_rad(target: MapObject, pose: Pose2D) -> float:
