@@ -273,6 +273,10 @@ class ClearanceMap:
         rows, columns = np.rint(self.start + _SHARES * (np.array(end) - self.start)).astype(int).T
         return bool(self.open[rows, columns].all())
 
+    def is_open(self, place: Place) -> bool:
+        """Return whether a place lies on an open cell."""
+        return bool(self.map.lies_on(self.open, np.array(place)))
+
     @property
     def shut_in(self) -> bool:
         """Whether too few of the flyable cells can be reached."""

@@ -26,7 +26,6 @@ _NEARER_M: Final = 0.5
 # A place of the route with less clearance, at this distance, is looked at before it is flown.
 _NARROW_M: Final = 0.4
 _AHEAD_M: Final = 0.6, 1.2
-_MOVER_AHEAD: Final = "waits for a mover"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,16 +86,13 @@ def way_to(
         else:
             left_m = route.length_m + math.dist(route.path_m[-1], place)
             course = follow(route, site_map, corridor, most_mps=most_mps)
-            tight, narrow = maps[Passage.TIGHT], _narrow_place(route)
-            cramped = not tight.map.lies_on(tight.open, np.array(place))
-            reason = f"{left_m:.1f} m left"
-            if apart_m <= LAST_STEP_M and cramped:
-                reason = no_room(place, maps)
+            reason, narrow = f"{left_m:.1f} m left", _narrow_place(route)
             if course is None and corridor is not None:
-                ahead = f"{corridor.free_distance_m:.2f} m ahead"
-                reason = f"something that the map does not have blocks the way, {ahead}"
+                reason = f"{corridor.free_distance_m:.2f} m to something that the map does not have"
             elif isinstance(course, FollowLeg) and course.speed_mps == 0.0:
-                reason = _MOVER_AHEAD
+                reason = "waits for a mover"
+            elif apart_m <= LAST_STEP_M and not maps[Passage.TIGHT].is_open(place):
+                reason = no_room(place, maps)
     return WayTo(
         course=course, left_m=left_m, bearing_rad=bearing_rad, reason=reason, narrow=narrow
     )
@@ -112,9 +108,7 @@ def _narrow_place(route: Route) -> Place | None:
 
 def _may_be_unseen(place: Place, maps: ClearanceMaps) -> bool:
     """Return whether nothing that was seen is too near to a place where no route ends."""
-    found, narrowest = maps.map, maps[Passage.OUT]
-    margins = narrowest.margins
-    near = ((found.obstacles_m, margins.touch_m), (found.edges_m, margins.edge_m))
-    known = any((np.hypot(*(points_m - place).T) < least_m).any() for points_m, least_m in near)
-    is_open = narrowest.map.lies_on(narrowest.open, np.array(place))
-    return not (known or is_open or found.is_beyond_edge(*place))
+    found, widest = maps.map, maps[Passage.OUT]
+    limits_m = (found.obstacles_m, widest.margins.touch_m), (found.edges_m, widest.margins.edge_m)
+    near = any((np.hypot(*(points_m - place).T) < least_m).any() for points_m, least_m in limits_m)
+    return not (near or widest.is_open(place) or found.is_beyond_edge(*place))

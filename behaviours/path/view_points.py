@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from behaviours.path.margins import Passage
 from behaviours.path.passages import ClearanceMaps
-from behaviours.path.room import room_at
+from behaviours.path.room import BEYOND, Room, covered, room_at
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -52,8 +51,11 @@ def view_points(
     cost = np.abs(turns_rad)[:, None] + _SCALE_RAD * np.arange(len(_SCALES))
     turn, scale = np.unravel_index(np.argsort(cost, axis=None, kind="stable"), cost.shape)
     distances_m = distance_m * np.array(_SCALES)[scale]
-    bearings_rad = _wanted_rad(target, maps.map.pose, count)[:, None] + turns_rad[turn]
-    places_m, sides_m = _around(target, bearings_rad, distances_m)
+    middles_rad = _first_rad(target, maps.map.pose) + math.tau * np.arange(count) / count
+    bearings_rad = middles_rad[:, None] + turns_rad[turn]
+    directions = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=-1)
+    sides_m = np.array([target.x_m, target.y_m]) + directions * _reach_m(target, bearings_rad)
+    places_m = sides_m + directions * distances_m[:, None]
     time_s, ordinary = _time_s(maps, places_m), maps[Passage.ORDINARY]
     # Room wherever the place lies in its cell.
     room_m = ordinary.margins.touch_m + maps.map.cell_m / 2
@@ -72,39 +74,16 @@ def view_points(
 
 
 def why_none(maps: ClearanceMaps, target: MapObject, *, distance_m: float, count: int) -> str:
-    """Return why the wanted places around an object are no view points: the two usual reasons."""
-    site_map, ordinary = maps.map, maps[Passage.ORDINARY]
-    places_m, sides_m = _around(target, _wanted_rad(target, site_map.pose, count), distance_m)
-    ways = np.isfinite(_time_s(maps, places_m))
-    reasons = Counter[str]()
-    for place_m, way, seen in zip(
-        places_m.tolist(), ways, _in_sight(site_map, target, places_m, sides_m), strict=True
-    ):
-        room = room_at((place_m[0], place_m[1]), maps, Passage.ORDINARY)
-        room = replace(room, needed_m=room.needed_m + site_map.cell_m / 2)
-        if site_map.is_beyond_edge(*place_m):
-            reasons["beyond the edge of the ground"] += 1
-        elif room.short_m > 0.0:
-            reasons[str(room)] += 1
-        elif not site_map.lies_on(ordinary.free, np.array(place_m)):
-            reasons["never seen"] += 1
-        else:
-            reasons["no free view" if way and not seen else "no known way there"] += 1
+    """Return what the wanted places around an object lack; the two most frequent reasons."""
+    reasons, rounding_m = Counter[str](), maps.map.cell_m / 2
+    for rad in _first_rad(target, maps.map.pose) + math.tau * np.arange(count) / count:
+        out_m = distance_m + float(_reach_m(target, rad)[0])
+        place = target.x_m + out_m * math.cos(rad), target.y_m + out_m * math.sin(rad)
+        short_m, needed_m, what = room_at(place, maps, Passage.ORDINARY)
+        room = Room(short_m + rounding_m, needed_m + rounding_m, what)
+        hidden = str(room) if room.short_m > 0.0 else "no free view, or no known way there"
+        reasons[BEYOND if maps.map.is_beyond_edge(*place) else hidden] += 1
     return "; ".join(f"{number} of {count}: {text}" for text, number in reasons.most_common(2))
-
-
-def _wanted_rad(target: MapObject, pose: Pose2D, count: int) -> Floats:
-    """Return the bearings of the wanted places, (count,), from an object."""
-    return np.asarray(_first_rad(target, pose) + math.tau * np.arange(count) / count)
-
-
-def _around(
-    target: MapObject, bearings_rad: Floats, distances_m: Floats | float
-) -> tuple[Floats, Floats]:
-    """Return places at distances from an object, and the points of its outline before them."""
-    directions = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=-1)
-    sides_m = np.array([target.x_m, target.y_m]) + directions * _reach_m(target, bearings_rad)
-    return sides_m + directions * np.asarray(distances_m)[..., None], sides_m
 
 
 def _first_rad(target: MapObject, pose: Pose2D) -> float:
@@ -148,17 +127,10 @@ def _in_sight(site_map: SiteMap, target: MapObject, places_m: Floats, sides_m: F
     for item in site_map.objects:
         is_target = target.covers(item.x_m, item.y_m) or item.covers(target.x_m, target.y_m)
         if not is_target:
-            blocked |= _covered(item, lines_m, 0.0)
-    for point_m in site_map.obstacles_m[~_covered(target, site_map.obstacles_m, _OWN_M)]:
+            blocked |= covered(item, lines_m, 0.0)
+    for point_m in site_map.obstacles_m[~covered(target, site_map.obstacles_m, _OWN_M)]:
         blocked |= np.hypot(*np.moveaxis(lines_m - point_m, -1, 0)) < SIGHT_M
     return np.asarray(~blocked.any(axis=1))
-
-
-def _covered(item: MapObject, points_m: Floats, margin_m: float) -> Flags:
-    """Return which points, (..., 2), lie on an object's base or within a margin around it."""
-    middle = Pose2D(x_m=item.x_m, y_m=item.y_m, yaw_rad=item.yaw_rad)
-    half_m = np.array([item.size_m, item.width_m]) / 2 + margin_m
-    return np.asarray((np.abs(middle.points_to_body(points_m)) <= half_m).all(axis=-1))
 
 
 def _tour(poses: list[Pose2D], time_s: Floats) -> list[Pose2D]:

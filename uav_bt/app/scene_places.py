@@ -1,0 +1,116 @@
+"""The places of a mission in a scene: where they lie, and the room that each has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Final
+
+from behaviours.fly.objects import ViewPoints
+from behaviours.fly.places import Face, PlaceLeaf
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.room import EDGE, Room
+from sim_bridge.twin.scene import Scene
+from uav_bt.app.place import area_of, rules_of
+from uav_bt.app.site import Site
+from uav_bt.display.lab_map import LabMap, MapPlace
+from uav_bt.errors import UavBtError
+from uav_bt.tree import MissionTree, Node
+from uav_bt.tree.loading.places import lines_of_lists
+from uav_bt.tree.rules import Rules
+from uav_bt.types.area import Area
+from uav_bt.types.place import Place, PlaceFrame, parse_places
+
+_STEP_M, _STEPS = 0.05, 20  # of the grid on which a place with room is looked for
+_ROUNDING_M: Final = 1e-6
+_SPARE_M: Final = 0.1  # by which it has more room than the narrowest passage
+_FACED: Final = (Face, ViewPoints)  # they need no room at the place
+
+
+def with_places(lab_map: LabMap, mission: MissionTree, scene: Scene, site: Site) -> LabMap:
+    """Return the map of a scene with the places and the area of a mission, by a site's margins."""
+    start = scene.take_off_pose
+    area = area_of(rules_of(mission), site, start)
+    if area is not None and start is not None:
+        areas_m = ([start.to_world(x_m, -y_m) for x_m, y_m in each] for each in area.polygons)
+        lab_map = replace(lab_map, areas_m=tuple(map(tuple, areas_m)))
+    room_at = partial(_room, lab_map=lab_map, scene=scene, site=site, area=area)
+    lists, places = lines_of_lists(mission.sources), dict[str, MapPlace]()
+    for node, port, place in _named(mission):
+        text, at, at_m = str(place), mission.places.get(node.path), _at_m(place, scene)
+        room = None if at_m is None or _is_faced(node) else room_at(place)
+        is_bad = room is not None and room.short_m > _ROUNDING_M
+        unknown = "known in flight only" if at_m is None else "only faced"
+        found = MapPlace(
+            text=text,
+            at_m=at_m,
+            note=unknown if room is None else str(room),
+            is_bad=is_bad,
+            cure=_cure(place, room_at) if is_bad else "",
+            where=lists.get(text, "" if at is None else f"{at.path}:{at.at(port)}"),
+        )
+        if text not in places or places[text].note == "only faced":
+            places[text] = found
+    return replace(lab_map, places=tuple(places.values()))
+
+
+def _named(mission: MissionTree) -> Iterator[tuple[Node, str, Place]]:
+    """Yield the places of all nodes, with the ports that have them; corners of areas are none."""
+    for node in mission.nodes():
+        for port in () if isinstance(node, Rules) else node.ports:
+            with suppress(UavBtError):  # the values of other ports are no places
+                text = None if port.direction == "output" else node.initial_value(port)
+                for place in parse_places(text) if isinstance(text, str) else ():
+                    yield node, port.name, place
+
+
+def _is_faced(node: Node) -> bool:
+    """Return whether the places of a node are only faced: by it, or by all leaves in its loop."""
+    taken = set(node.given_references.values())
+    users = [each for each in node.iterate() if taken & set(each.given_references.values())]
+    leaves = [each for each in users if isinstance(each, (PlaceLeaf, ViewPoints))]
+    return all(isinstance(each, _FACED) for each in leaves or (node,))
+
+
+def _at_m(place: Place, scene: Scene) -> tuple[float, float] | None:
+    """Return where a place lies in the drawing; None where only the flight shows it."""
+    start, mark = scene.take_off_pose, scene.mark_pose
+    if place.frame is PlaceFrame.MARK and mark is not None:
+        return mark.x_m, mark.y_m
+    if place.frame is PlaceFrame.START and start is not None:
+        return start.to_world(place.x_m, -place.y_m)
+    return (place.x_m, place.y_m) if place.frame is PlaceFrame.LAB else None
+
+
+def _room(place: Place, *, lab_map: LabMap, scene: Scene, site: Site, area: Area | None) -> Room:
+    """Return what leaves least room at a place: the narrowest passage needs that much."""
+    at_m, start = _at_m(place, scene) or (0.0, 0.0), scene.take_off_pose
+    usual, is_mark = Margins().within(site.clearances, scene.mark), place.frame is PlaceFrame.MARK
+    margins = usual.in_gap() if is_mark else usual.through(Passage.OUT)
+    touch_m, edge_m = margins.touch_m, margins.edge_m
+    rooms = [
+        Room(touch_m - item.distance_m(*at_m), touch_m, placed.name)
+        for item, placed in zip(lab_map.boxes, scene.placed, strict=True)
+    ]
+    rooms.append(Room(edge_m - scene.ground.margin_m(*at_m), edge_m, EDGE))
+    if area is not None and start is not None:
+        ahead_m, left_m = start.to_body(*at_m)
+        rooms.append(Room(-area.margin_m(ahead_m, -left_m), 0.0, "the border of the area"))
+    return max(rooms)
+
+
+def _cure(place: Place, room_at: Callable[[Place], Room]) -> str:
+    """Return the nearest place with room, as a tree file writes it; empty without one near."""
+    if place.frame is PlaceFrame.MARK:
+        return ""
+    steps = product(range(-_STEPS, _STEPS + 1), repeat=2)
+    for right, up in sorted(steps, key=lambda step: math.hypot(*step)):
+        x_m, y_m = round(place.x_m + _STEP_M * right, 2), round(place.y_m + _STEP_M * up, 2)
+        beside = replace(place, x_m=x_m, y_m=y_m)
+        if room_at(beside).short_m <= -_SPARE_M:
+            return str(beside)
+    return ""
