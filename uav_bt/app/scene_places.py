@@ -42,17 +42,18 @@ def with_places(lab_map: LabMap, mission: MissionTree, scene: Scene, site: Site)
     lists, places = lines_of_lists(mission.sources), dict[str, MapPlace]()
     for node, port, place in _named(mission):
         text, at, at_m = str(place), mission.places.get(node.path), _at_m(place, scene)
-        room = None if at_m is None or _is_faced(node) else room_at(place)
-        is_bad = room is not None and room.short_m > _ROUNDING_M
-        unknown = "known in flight only" if at_m is None else "only faced"
-        found = MapPlace(
-            text=text,
-            at_m=at_m,
-            note=unknown if room is None else str(room),
-            is_bad=is_bad,
-            cure=_cure(place, room_at) if is_bad else "",
-            where=lists.get(text, "" if at is None else f"{at.path}:{at.at(port)}"),
-        )
+        leaves = [each for each in node.iterate() if isinstance(each, PlaceLeaf | ViewPoints)]
+        if at_m is None:
+            found = MapPlace(text=text, at_m=None, note="known in flight only")
+        elif all(isinstance(each, _FACED) for each in leaves or (node,)):
+            found = MapPlace(text=text, at_m=at_m, note="only faced")
+        else:
+            room = room_at(place)
+            found = MapPlace(text=text, at_m=at_m, note=str(room))
+            if room.short_m > _ROUNDING_M:
+                where = lists.get(text, "" if at is None else f"{at.path}:{at.at(port)}")
+                fault = f"{where}: no room at '{text}', {room}{_cure(place, room_at)}"
+                found = replace(found, fault=fault)
         if text not in places or places[text].note == "only faced":
             places[text] = found
     return replace(lab_map, places=tuple(places.values()))
@@ -66,14 +67,6 @@ def _named(mission: MissionTree) -> Iterator[tuple[Node, str, Place]]:
                 text = None if port.direction == "output" else node.initial_value(port)
                 for place in parse_places(text) if isinstance(text, str) else ():
                     yield node, port.name, place
-
-
-def _is_faced(node: Node) -> bool:
-    """Return whether the places of a node are only faced: by it, or by all leaves in its loop."""
-    taken = set(node.given_references.values())
-    users = [each for each in node.iterate() if taken & set(each.given_references.values())]
-    leaves = [each for each in users if isinstance(each, (PlaceLeaf, ViewPoints))]
-    return all(isinstance(each, _FACED) for each in leaves or (node,))
 
 
 def _at_m(place: Place, scene: Scene) -> tuple[float, float] | None:
@@ -104,13 +97,11 @@ def _room(place: Place, *, lab_map: LabMap, scene: Scene, site: Site, area: Area
 
 
 def _cure(place: Place, room_at: Callable[[Place], Room]) -> str:
-    """Return the nearest place with room, as a tree file writes it; empty without one near."""
-    if place.frame is PlaceFrame.MARK:
-        return ""
+    """Return which place nearby has room; empty without one."""
     steps = product(range(-_STEPS, _STEPS + 1), repeat=2)
     for right, up in sorted(steps, key=lambda step: math.hypot(*step)):
         x_m, y_m = round(place.x_m + _STEP_M * right, 2), round(place.y_m + _STEP_M * up, 2)
         beside = replace(place, x_m=x_m, y_m=y_m)
-        if room_at(beside).short_m <= -_SPARE_M:
-            return str(beside)
+        if place.frame is not PlaceFrame.MARK and room_at(beside).short_m <= -_SPARE_M:
+            return f": {beside} has room"
     return ""

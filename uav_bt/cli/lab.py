@@ -112,12 +112,11 @@ def scenes(
         click.echo(table(_standing(scene, lab_map.boxes), left=2))
     if lab_map.places:
         click.echo(table(_room_rows(lab_map.places), left=4))
-    bad = [each for each in lab_map.places if each.is_bad]
-    for place in bad:
-        cure = f": {place.cure} has room" if place.cure else ""
-        click.echo(f"{place.where}: no room at '{place.text}', {place.note}{cure}", err=True)
     click.echo(f"map: {path}")
-    return not bad
+    faults = [each.fault for each in lab_map.places if each.fault]
+    for fault in faults:
+        click.echo(fault, err=True)
+    return not faults
 
 
 def _scene(name: str, flight: FlightOptions) -> Scene:
@@ -140,8 +139,8 @@ def _room_rows(places: Sequence[MapPlace]) -> Sequence[tuple[str, ...]]:
     """Return a row for each place of a mission."""
     rows = [("place", "x, m", "y, m", "room")]
     for place in places:
-        at = ("", "") if place.at_m is None else [f"{value:.2f}" for value in place.at_m]
-        rows.append((place.text, *at, f"{'BAD: ' if place.is_bad else ''}{place.note}"))
+        at = ("", "") if place.at_m is None else [f"{round(value, 2) + 0.0:.2f}" for value in place.at_m]
+        rows.append((place.text, *at, f"{'BAD: ' if place.fault else ''}{place.note}"))
     return rows
 
 

@@ -63,14 +63,7 @@ class MapPlace:
     text: str  # as in the tree file
     at_m: Point | None  # in the drawing; None: known in flight only
     note: str = ""  # the room there
-    is_bad: bool = False  # whether a drone has too little room there
-    cure: str = ""  # a place beside it with room
-    where: str = ""  # the line that names it
-
-    @property
-    def words(self) -> str:
-        """Its name on the map, with what it lacks."""
-        return f"{self.text}: {self.note}" if self.is_bad else self.text
+    fault: str = ""  # the line that names it and what to do, where there is too little room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +207,7 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
         legend += "; outline: area of the mission"
     for place in lab_map.places:
         if place.at_m is not None:
-            colour = canvas.ALARM if place.is_bad else _PLACE_COLOUR
+            colour = canvas.ALARM if place.fault else _PLACE_COLOUR
             canvas.polygon(image, canvas.circle(frame.to_px(place.at_m), 5), colour)
     _write_names(image, frame, lab_map)
     canvas.put(image, title, (14, 24), scale=0.55)
@@ -241,8 +234,10 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
         named.append((f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()))
     if lab_map.mark is not None:
         named.append((f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()))
-    bad = {each.words for each in lab_map.places if each.is_bad}
-    named += [(each.words, [each.at_m]) for each in lab_map.places if each.at_m is not None]
+    bad = {f"{each.text}: {each.note}" for each in lab_map.places if each.fault}
+    for each in lab_map.places:
+        words = f"{each.text}: {each.note}" if each.fault else each.text
+        named += [] if each.at_m is None else [(words, [each.at_m])]
     for name, outline_m in named:
         outline_px = frame.to_px(outline_m)
         (left, top), (right, bottom) = outline_px.min(axis=0), outline_px.max(axis=0)
