@@ -60,9 +60,8 @@ def _lasting(place: Place, maps: ClearanceMaps, passage: Passage) -> Iterator[Ro
     found, margins = maps.map, maps[passage].margins
     points_m, touch_m = np.vstack([found.obstacles_m, maps.recent.seen_m]), margins.touch_m
     for item in found.objects:
-        half_m = item.size_m / 2, item.width_m / 2
         x_m, y_m = Pose2D(x_m=item.x_m, y_m=item.y_m, yaw_rad=item.yaw_rad).to_body(*place)
-        base = Footprint(x_m=0.0, y_m=0.0, half_x_m=half_m[0], half_y_m=half_m[1])
+        base = Footprint(x_m=0.0, y_m=0.0, half_x_m=item.size_m / 2, half_y_m=item.width_m / 2)
         name = f"{found.classes.names[item.class_id]}{f' (object:{item.id})' if item.id else ''}"
         yield Room(touch_m - base.distance_m(x_m, y_m), touch_m, name)
         points_m = points_m[~covered(item, points_m, _OWN_M)]
@@ -91,7 +90,7 @@ def no_way(place: Place, maps: ClearanceMaps, *, arrive_m: float) -> str:
         return BEYOND
     ends_m = widest.map.middles_m(np.argwhere(widest.open))
     if (np.hypot(*(ends_m - place).T) <= arrive_m).any():
-        return _blocked(place, maps)
+        return _blocked(place, maps, arrive_m)
     known = max(_lasting(place, maps, Passage.OUT)).short_m > 0.0
     seen = maps.map.lies_on(maps[Passage.TIGHT].free, np.array(place))
     return no_room(place, maps) if known or seen else "the place was never seen"
@@ -104,7 +103,7 @@ def no_room(place: Place, maps: ClearanceMaps) -> str:
     return f"no room at the place: {short or f'{rooms[0]} and the rounding of the map'}"
 
 
-def _blocked(place: Place, maps: ClearanceMaps) -> str:
+def _blocked(place: Place, maps: ClearanceMaps, arrive_m: float) -> str:
     """Return where the widest way to a place is too narrow."""
     found, grid = maps.map, maps[Passage.TIGHT]
     clear_m = np.where(grid.obstacle_m < found.cell_m, _SOLID_M, grid.clear_m)
@@ -113,7 +112,9 @@ def _blocked(place: Place, maps: ClearanceMaps) -> str:
     crossed[grid.start] = True
     paths = fastest_paths(crossed, clear_m**-_POWER, grid.start)
     cells = np.stack(np.divmod(paths.reached, clear_m.shape[1]), axis=-1)
-    row, column = cells[np.hypot(*(found.middles_m(cells) - place).T).argmin()].tolist()
+    apart_m = np.hypot(*(found.middles_m(cells) - place).T)
+    ends = np.where(apart_m <= arrive_m, clear_m[tuple(cells.T)], -apart_m)  # the widest one there
+    row, column = cells[ends.argmax()].tolist()
     spot = min(paths.to((row, column)), key=lambda cell: float(clear_m[cell]))
     x_m, y_m = found.middles_m(np.array(spot)).tolist()
     at, room = start_place(found, x_m, y_m), room_at((x_m, y_m), maps)

@@ -41,12 +41,7 @@ def scene_files() -> dict[str, list[Path]]:
 
 
 def scene_path(name_or_path: str | Path) -> Path:
-    """Return the file of a scene, by its name in `scene_files` or by its path.
-
-    Raises:
-        UnknownNameError: the name is neither that of a scene nor a file.
-        InputError: several labs have a scene of this name.
-    """
+    """Return the file of a scene, by its name in `scene_files` or by its path."""
     name, path, known = str(name_or_path), Path(name_or_path), scene_files()
     if name not in known:
         if path.is_file() or path.suffix in (".yaml", ".yml") or len(path.parts) != 1:

@@ -46,17 +46,22 @@ def map_of_scene(scene: Scene) -> LabMap:
         class_id, outline = scene.shape_of(mover).class_id, mover.footprint(*mover.path_m[0])
         path_m = (*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m
         movers.append(item(class_id, outline, mover.size_m[2], path_m=path_m))
-    boxes, mark = [], None
-    for placed in scene.placed:
-        one, more = placed.standing, {"pieces_m": tuple(_outlines_m(placed))}
-        class_id = placed.shape.class_id
-        boxes.append(item(class_id, one.footprint, one.height_m, parts=one.parts, **more))
+    mark = None
     if pad is not None:
         top = make_mark_finder(pad.mark).picture()
         mark = item(scene.mark_class, pad.footprint, pad.size_m[2], picture=top)
     return LabMap(
         ground=scene.ground,
-        boxes=tuple(boxes),
+        boxes=tuple(
+            item(
+                one.shape.class_id,
+                one.footprint,
+                one.standing.height_m,
+                parts=one.standing.parts,
+                pieces_m=tuple(_outlines_m(one)),
+            )
+            for one in scene.placed
+        ),
         mark=mark,
         movers=tuple(movers),
         take_off=scene.take_off_pose,

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-from itertools import product
 from typing import Final
 
 from behaviours.fly.objects import ViewPoints
@@ -25,20 +22,17 @@ from uav_bt.tree.rules import Rules
 from uav_bt.types.area import Area
 from uav_bt.types.place import Place, PlaceFrame, parse_places
 
-_STEP_M, _STEPS = 0.05, 20  # of the grid on which a place with room is looked for
 _ROUNDING_M: Final = 1e-6
-_SPARE_M: Final = 0.1  # by which it has more room than the narrowest passage
 _FACED: Final = (Face, ViewPoints)  # they need no room at the place
 
 
 def with_places(lab_map: LabMap, mission: MissionTree, scene: Scene, site: Site) -> LabMap:
     """Return the map of a scene with the places and the area of a mission, by a site's margins."""
-    start = scene.take_off_pose
+    start, usual = scene.take_off_pose, Margins().within(site.clearances, scene.mark)
     area = area_of(rules_of(mission), site, start)
     if area is not None and start is not None:
         areas_m = ([start.to_world(x_m, -y_m) for x_m, y_m in each] for each in area.polygons)
         lab_map = replace(lab_map, areas_m=tuple(map(tuple, areas_m)))
-    room_at = partial(_room, lab_map=lab_map, scene=scene, site=site, area=area)
     lists, places = lines_of_lists(mission.sources), dict[str, MapPlace]()
     for node, port, place in _named(mission):
         text, at, at_m = str(place), mission.places.get(node.path), _at_m(place, scene)
@@ -48,11 +42,13 @@ def with_places(lab_map: LabMap, mission: MissionTree, scene: Scene, site: Site)
         elif all(isinstance(each, _FACED) for each in leaves or (node,)):
             found = MapPlace(text=text, at_m=at_m, note="only faced")
         else:
-            room = room_at(place)
+            is_mark = place.frame is PlaceFrame.MARK
+            margins = usual.in_gap() if is_mark else usual.through(Passage.OUT)
+            room = _room(at_m, lab_map, scene, margins)
             found = MapPlace(text=text, at_m=at_m, note=str(room))
             if room.short_m > _ROUNDING_M:
                 where = lists.get(text, "" if at is None else f"{at.path}:{at.at(port)}")
-                fault = f"{where}: no room at '{text}', {room}{_cure(place, room_at)}"
+                fault = f"{where}: no room at '{text}', {room}: move it by {room.short_m:.2f} m"
                 found = replace(found, fault=fault)
         if text not in places or places[text].note == "only faced":
             places[text] = found
@@ -79,29 +75,14 @@ def _at_m(place: Place, scene: Scene) -> tuple[float, float] | None:
     return (place.x_m, place.y_m) if place.frame is PlaceFrame.LAB else None
 
 
-def _room(place: Place, *, lab_map: LabMap, scene: Scene, site: Site, area: Area | None) -> Room:
-    """Return what leaves least room at a place: the narrowest passage needs that much."""
-    at_m, start = _at_m(place, scene) or (0.0, 0.0), scene.take_off_pose
-    usual, is_mark = Margins().within(site.clearances, scene.mark), place.frame is PlaceFrame.MARK
-    margins = usual.in_gap() if is_mark else usual.through(Passage.OUT)
+def _room(at_m: tuple[float, float], lab_map: LabMap, scene: Scene, margins: Margins) -> Room:
+    """Return what leaves least room at a place of the drawing."""
     touch_m, edge_m = margins.touch_m, margins.edge_m
     rooms = [
         Room(touch_m - item.distance_m(*at_m), touch_m, placed.name)
         for item, placed in zip(lab_map.boxes, scene.placed, strict=True)
     ]
     rooms.append(Room(edge_m - scene.ground.margin_m(*at_m), edge_m, EDGE))
-    if area is not None and start is not None:
-        ahead_m, left_m = start.to_body(*at_m)
-        rooms.append(Room(-area.margin_m(ahead_m, -left_m), 0.0, "the border of the area"))
+    if lab_map.areas_m:
+        rooms.append(Room(-Area(lab_map.areas_m).margin_m(*at_m), 0.0, "the border of the area"))
     return max(rooms)
-
-
-def _cure(place: Place, room_at: Callable[[Place], Room]) -> str:
-    """Return which place nearby has room; empty without one."""
-    steps = product(range(-_STEPS, _STEPS + 1), repeat=2)
-    for right, up in sorted(steps, key=lambda step: math.hypot(*step)):
-        x_m, y_m = round(place.x_m + _STEP_M * right, 2), round(place.y_m + _STEP_M * up, 2)
-        beside = replace(place, x_m=x_m, y_m=y_m)
-        if place.frame is not PlaceFrame.MARK and room_at(beside).short_m <= -_SPARE_M:
-            return f": {beside} has room"
-    return ""

@@ -139,7 +139,7 @@ def _room_rows(places: Sequence[MapPlace]) -> Sequence[tuple[str, ...]]:
     """Return a row for each place of a mission."""
     rows = [("place", "x, m", "y, m", "room")]
     for place in places:
-        at = ("", "") if place.at_m is None else [f"{round(value, 2) + 0.0:.2f}" for value in place.at_m]
+        at = [f"{round(value, 2) + 0.0:.2f}" for value in place.at_m or ()] or ("", "")
         rows.append((place.text, *at, f"{'BAD: ' if place.fault else ''}{place.note}"))
     return rows
 

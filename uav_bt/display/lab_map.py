@@ -134,9 +134,7 @@ def _draw_mark(image: Image, frame: MapFrame, mark: MapItem) -> None:
     face = _mixed(mark.colour, BACKDROP, 0.35)
     canvas.polygon(image, frame.to_px(mark.corners()), face, mark.colour)
     if mark.picture is not None:
-        sides_m = ((-mark.half_x_m, mark.half_y_m), (mark.half_x_m, mark.half_y_m))
-        ends_m = [*sides_m, (-mark.half_x_m, -mark.half_y_m)]  # three corners, from the upper left
-        corners_px = frame.to_px([mark.to_world(*end) for end in ends_m]).astype(np.float32)
+        corners_px = frame.to_px(mark.corners())[[1, 0, 2]].astype(np.float32)  # upper left first
         wide, high = np.ceil(np.linalg.norm(corners_px[1:] - corners_px[0], axis=1)).astype(int)
         small = cv2.resize(mark.picture, (int(wide), int(high)), interpolation=cv2.INTER_AREA)
         drawn = np.array([(0, 0), (wide, 0), (0, high)], dtype=np.float32)
@@ -204,7 +202,7 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
         legend += "; arrow: take-off heading"
     for polygon_m in lab_map.areas_m:
         canvas.polygon(image, frame.to_px(polygon_m), None, _PLACE_COLOUR)
-        legend += "; outline: area of the mission"
+    legend += "; outline: area of the mission" if lab_map.areas_m else ""
     for place in lab_map.places:
         if place.at_m is not None:
             colour = canvas.ALARM if place.fault else _PLACE_COLOUR

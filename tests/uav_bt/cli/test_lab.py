@@ -145,7 +145,7 @@ def test_places_of_a_mission_have_their_room(empty: Path) -> None:
         "lab:0,1.8 0.00 1.80 BAD: 0.80 m beyond the border of the area",
     ]
     faults = result.stderr.splitlines()
-    cure = "no room at 'lab:0.51,0', 0.29 m to box-2, 0.30 m needed: lab:0.36,0 has room"
+    cure = "no room at 'lab:0.51,0', 0.29 m to box-2, 0.30 m needed: move it by 0.01 m"
     assert faults[0] == f"mission.xml:3:41: {cure}"
     assert f"{empty / 'rounds.csv'}:3: no room at 'start:1,3.2'" in faults[1]
     Path("mission.xml").write_text(VISIT.replace("lab:0.51", "lab:0.36"), encoding="utf-8")
