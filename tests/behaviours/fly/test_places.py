@@ -97,13 +97,13 @@ def test_a_place_that_cannot_be_reached_fails_with_its_reason() -> None:
         assert reason in failed(place, on(wall_m=1.6))
 
 
-def failed(place: str, site_map: SiteMap, **seen: object) -> str:
-    """Return why GoTo fails at a place."""
-    bench = LeafBench(GoTo, to=place, blocked_s=1.0)
-    for key, value in seen.items():
-        bench.provide(key, value)
-    ticks = (live(bench, site_map=site_map, seconds=0.3) for _ in range(8))
-    assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
+def failed(place: str, site_map: SiteMap, *, free_m: float = math.inf) -> str:
+    """Return why GoTo fails at a place; the corridor is free for a distance."""
+    bench, status = LeafBench(GoTo, to=place, blocked_s=1.0, gives_way="false"), Status.RUNNING
+    while status is Status.RUNNING:
+        bench.board[CORRIDOR] = corridor(free_m, captured_s=bench.clock.now() + 0.3)
+        status = live(bench, site_map=site_map, seconds=0.3)
+    assert status is Status.FAILURE
     return str(bench.leaf.feedback_message)
 
 
@@ -124,6 +124,8 @@ def test_the_reason_names_the_object_beside_the_place_or_in_the_way() -> None:
     strip = failed("start:1.6,0", drawn_map(known=(X_M < -0.6) | (X_M > 1.0), pose=(-1.2, 0, 0)))
     assert "was never seen" in strip
     assert failed("start:1.6,0", drawn_map(known=X_M < 0.3)) == "the place was never seen"
+    blocked = failed("start:1.6,0", on(), free_m=0.2)
+    assert blocked == "0.20 m to something that the map does not have"
 
 
 def test_it_waits_for_a_map() -> None:
