@@ -22,7 +22,7 @@ from uav_bt.tree.rules import Rules
 from uav_bt.types.area import Area
 from uav_bt.types.place import Place, PlaceFrame, parse_places
 
-_ROUNDING_M: Final = 1e-6
+_ROUNDING_M: Final = 0.005  # of the distances that are shown
 _FACED: Final = (Face, ViewPoints)  # they need no room at the place
 
 
