@@ -16,7 +16,7 @@ import pytest
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, shipped_scenes
 from uav_bt import __version__
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
@@ -54,8 +54,8 @@ MODULES = [path for room in ROOMS for path in files_below(ROOT / room) if path.s
 
 def test_every_shipped_scene_loads_under_its_own_name() -> None:
     of_the_paper = {*TRAINING_SCENES, *VALIDATION_SCENES, *TESTING_SCENES}
-    assert {name for name in scene_names() if not name.startswith("depot-")} == of_the_paper
-    for name in scene_names():
+    assert {name for name in shipped_scenes() if not name.startswith("depot-")} == of_the_paper
+    for name in shipped_scenes():
         scene = load_scene(name)
         assert scene.name == name
         if name not in of_the_paper:

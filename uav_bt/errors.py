@@ -103,11 +103,11 @@ class TreeError(FileError):
 class UnknownNameError(InputError, ValueError):
     """A name that is not registered."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
         names = sorted(known)
         super().__init__(
             f"unknown {kind} '{name}'{did_you_mean(name, names)} "
-            f"(known: {', '.join(names) if names else 'none'})"
+            f"({where or 'known'}: {', '.join(names) if names else 'none'})"
         )
 
 

@@ -13,7 +13,7 @@ from behaviours.fly.mark_track import (
     is_clear,
     straight_to,
 )
-from behaviours.fly.places import FACING_RAD, NO_MAP, OUTSIDE_AREA, PlaceLeaf
+from behaviours.fly.places import FACING_RAD, NO_MAP, PlaceLeaf
 from behaviours.fly.steering import GIVES_WAY
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.margins import Margins
@@ -36,6 +36,8 @@ _STEPS: Final = 2  # last steps that are flown before the drone counts as arrive
 _PROGRESS_M: Final = 0.1  # a way that is shorter by this is progress
 _BELOW_M: Final = 1.0  # a place nearer than this may lie below the view in flight
 _BELOW_RAD: Final = math.radians(-55)  # shows it; the map takes no steeper views
+_MARK_OUTSIDE: Final = "the landing mark lies outside the mission's area"
+_NOT_STRAIGHT: Final = "an obstacle is too near to the straight way to the mark, and no map is sure"
 _LOOK_RAD: Final = math.radians(60)  # turn that is ordered while the drone looks for a way
 # Without a usable map the drone flies straight to the mark, if no obstacle is nearer to that way
 # than a route's distance and this, up to `_BEFORE_M` before the mark.
@@ -172,7 +174,8 @@ class GoTo(PlaceLeaf):
         if seen is None or fix.captured_s != seen.captured_s:  # a place on a map that is in doubt
             return self.fails("the views contradict the map, and the landing mark is out of view")
         at_m, doubted = (fix.forward_m, fix.right_m), self.read(SITE_MAP).value
-        outside = doubted is not None and self.is_outside(doubted, *doubted.pose.to_world(*at_m))
+        x_m, y_m = (0.0, 0.0) if doubted is None else doubted.pose.to_world(*at_m)
+        outside = doubted is not None and self.outside_m(doubted, Goal(x_m=x_m, y_m=y_m)) > 0.0
         if not outside and fix.range_m <= self.port_value("arrive_m") and is_clear(self, *at_m):
             self._trouble = "only the map knows the heading of the place"
             return Status.RUNNING if self._turns else Status.SUCCESS
@@ -180,7 +183,7 @@ class GoTo(PlaceLeaf):
         to_m = share * at_m[0], share * at_m[1]
         margin_m = self._margins.touch_m + _STRAIGHT_MORE_M
         if outside or not is_clear(self, *to_m, margin_m=margin_m, assumed=True):
-            return self.fails(OUTSIDE_AREA if outside else "no known way")
+            return self.fails(_MARK_OUTSIDE if outside else _NOT_STRAIGHT)
         course = straight_to(fix)
         way = WayTo(course=course, left_m=fix.range_m, bearing_rad=0.0, reason=course.reason)
         return self._go_on(state, way)
@@ -192,7 +195,8 @@ class GoTo(PlaceLeaf):
             self._progress_s = self.leaf_clock.now()
         if shorter or way.left_m > self._best_m + _PROGRESS_M:  # a new way counts anew
             self._best_m = way.left_m
-        self.feedback_message = self._trouble = way.reason
+        self.feedback_message = way.reason
+        self._trouble = f"{'no progress, ' * way.reason.endswith(' left')}{way.reason}"
         self._below = way.course is None and way.left_m <= _BELOW_M
         if self._below:  # the ground there is below the view in flight
             self.fly_on(state, Rotate(yaw_rad=way.bearing_rad, reason="looks down"))

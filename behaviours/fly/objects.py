@@ -11,7 +11,7 @@ from behaviours.path.following import UNMAPPED_S
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
-from behaviours.path.view_points import view_points
+from behaviours.path.view_points import view_points, why_none
 from behaviours.ports import number
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Key
@@ -179,9 +179,11 @@ class ViewPoints(MapLeaf):
             x_m, y_m, at_s = goal.x_m, goal.y_m, site_map.captured_s
             target = MapObject(class_id=0, x_m=x_m, y_m=y_m, size_m=0.0, std_m=0.0, seen_s=at_s)
         shape = {name: self.port_value(name) for name in ("distance_m", "count")}
-        poses = view_points(self.clearance_maps(site_map), target, **shape)
+        maps = self.clearance_maps(site_map)
+        poses = view_points(maps, target, **shape)
         if not poses:
-            return self.fails(f"no place around {of} has room and a free view")
+            why = why_none(maps, target, **shape)
+            return self.fails(f"no place around {of} has room and a free view ({why})")
         self.feedback_message = f"{len(poses)} places around {of}"
         places = [start_place(site_map, it.x_m, it.y_m, yaw_rad=it.yaw_rad) for it in poses]
         self.set_port(self.PLACES, SEPARATOR.join(map(str, places)))

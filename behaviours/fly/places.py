@@ -26,7 +26,6 @@ _DOUBTED_S: Final = 1.0  # the map is not used when the views have contradicted 
 FACING_RAD: Final = math.radians(4)  # largest error of a heading
 _FACED_S: Final = 0.3  # a place counts as faced after this time
 NO_MAP: Final = "no map, or the views contradict it"
-OUTSIDE_AREA: Final = "the place lies outside the mission's area"
 
 
 class PlaceLeaf(CourseLeaf):
@@ -101,17 +100,18 @@ class PlaceLeaf(CourseLeaf):
         """Return a place, as a port gives it, on the newest map."""
         place = self._place or Place.parse(text)
         found = resolve(place, site_map, self._take_off, self._mark)
-        if isinstance(found, Goal) and self.is_outside(site_map, found.x_m, found.y_m):
-            return Unresolved(reason=OUTSIDE_AREA)
+        outside_m = self.outside_m(site_map, found) if isinstance(found, Goal) else 0.0
+        if outside_m > 0.0:
+            return Unresolved(reason=f"the place lies {outside_m:.2f} m outside the mission's area")
         if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
             start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
             self._place = replace(start, height_m=place.height_m)
         return found
 
-    def is_outside(self, site_map: SiteMap, x_m: float, y_m: float) -> bool:
-        """Return whether a place of the map lies outside the mission's area."""
-        at_m = site_map.start.to_body(x_m, y_m)
-        return self._area is not None and self._area.margin_m(*at_m) < 0.0
+    def outside_m(self, site_map: SiteMap, place: Goal) -> float:
+        """Return how far a place of the map lies outside the mission's area; 0 inside."""
+        at_m = site_map.start.to_body(place.x_m, place.y_m)
+        return 0.0 if self._area is None else max(-self._area.margin_m(*at_m), 0.0)
 
     def trusted_map(self) -> SiteMap | None:
         """Return the newest map; None without one, or while the views contradict it."""

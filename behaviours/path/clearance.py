@@ -123,6 +123,7 @@ class ClearanceMap:
         margins: The margins, widened by the map's residual.
         obstacle_m: (rows, columns) distance to the nearest obstacle, metres; inf without any.
         clear_m: (rows, columns) clearance, as `clearance_at` returns it.
+        free: (rows, columns) whether the cell was seen free, or may be crossed unseen.
         open: (rows, columns) whether a route may lead over the cell.
         start: Row and column of the drone.
 
@@ -147,19 +148,19 @@ class ClearanceMap:
         distances = distances or Distances(site_map, recent)
         self.map = site_map
         self.margins = margins = (margins or Margins()).by(site_map.residual_m)
-        self._free = site_map.free
+        self.free = site_map.free
         if over is not None:
-            self._free = self._free | self._around(over, margins.over_mark_m)
+            self.free = self.free | self._around(over, margins.over_mark_m)
         self._doubted: Flags | None = None  # cells that may hold an obstacle; None: none
         if margins.cross_unknown:
             beside = self._around(over, _CROSS_M) if over is not None else True
-            unseen = ~(self._free | site_map.outside) & beside
+            unseen = ~(self.free | site_map.outside) & beside
             self._doubted = unseen | (distances.of(distances.assumed) < margins.doubt_m)
-            self._free = self._free | unseen
+            self.free = self.free | unseen
         self.obstacle_m = distances.obstacle_m
         self.clear_m = self._clearance_m(distances)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
-        flyable = self._free & ~site_map.outside
+        flyable = self.free & ~site_map.outside
         self.open = flyable & self.roomy
         here_m = float(self.clear_m[self.start])
         as_near_m = min(here_m, max(margins.min_start_m, here_m - START_SLACK_M))
@@ -272,6 +273,10 @@ class ClearanceMap:
         rows, columns = np.rint(self.start + _SHARES * (np.array(end) - self.start)).astype(int).T
         return bool(self.open[rows, columns].all())
 
+    def is_open(self, place: Place) -> bool:
+        """Return whether a place lies on an open cell."""
+        return bool(self.map.lies_on(self.open, np.array(place)))
+
     @property
     def shut_in(self) -> bool:
         """Whether too few of the flyable cells can be reached."""
@@ -303,7 +308,7 @@ class ClearanceMap:
         """Return the cells of unknown patches; single cells between rays are left out."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
-        unknown = (~(self._free | self.map.outside)).view(np.uint8)
+        unknown = (~(self.free | self.map.outside)).view(np.uint8)
         square = np.ones((2, 2), np.uint8)
         # OpenCV anchors an even kernel at its lower right cell. Without the other anchor the
         # dilation would shift the opened patches by a cell.

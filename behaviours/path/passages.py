@@ -65,7 +65,7 @@ class ClearanceMaps:
         crossing: bool = False,
         over: Place | None = None,
     ) -> None:
-        self.map, self._recent, self._margins = site_map, recent, margins
+        self.map, self.recent, self._margins = site_map, recent, margins
         self._crossing, self._over = crossing, over
         self._distances = Distances(site_map, recent)
         self._made: dict[Passage, ClearanceMap] = {}
@@ -80,7 +80,7 @@ class ClearanceMaps:
             if self._crossing and passage is not Passage.ORDINARY:
                 found = replace(found, lanes_m=np.empty((0, 2)))
             self._made[passage] = ClearanceMap(
-                found, self._recent, margins, over=self._over, distances=self._distances
+                found, self.recent, margins, over=self._over, distances=self._distances
             )
         return self._made[passage]
 
@@ -110,7 +110,7 @@ class ClearanceMaps:
             outside=split(found.outside),
             passed=split(found.passed),
         )
-        return ClearanceMap(fine, self._recent, self._margins.in_gap(), over=mark)
+        return ClearanceMap(fine, self.recent, self._margins.in_gap(), over=mark)
 
     def _in_gap(self, passage: Passage) -> bool:
         """Return whether the drone has less room than a wider passage, before the mark."""

@@ -13,9 +13,9 @@ from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
+from behaviours.path.room import no_room, no_way
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor
-from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
 # From this distance the drone flies to the place by one step. Chosen: the drone reaches the end of
@@ -26,8 +26,6 @@ _NEARER_M: Final = 0.5
 # A place of the route with less clearance, at this distance, is looked at before it is flown.
 _NARROW_M: Final = 0.4
 _AHEAD_M: Final = 0.6, 1.2
-_NO_WAY: Final = "no known way"
-_UNSEEN: Final = "no known way: the ground there or beside it was not seen"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,18 +76,23 @@ def way_to(
         course, reason = (forward_m, right_m), "last step"
     else:
         route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
-        reason = "" if route is not None else _trouble(place, maps)
-        if route is None and (
-            over or reason == _UNSEEN
-        ):  # fly as near as known ground leads; from there more is seen
+        leads_there = route is not None
+        if route is None and (over or _may_be_unseen(place, maps)):
+            # Fly as near as known ground leads; from there more is seen.
             far_m = apart_m - _NEARER_M
             route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
         if route is None or len(route.path_m) == 1:
-            reason = reason or _NO_WAY
+            reason = no_room(place, maps) if leads_there else no_way(place, maps, arrive_m=arrive_m)
         else:
             left_m = route.length_m + math.dist(route.path_m[-1], place)
             course = follow(route, site_map, corridor, most_mps=most_mps)
             reason, narrow = f"{left_m:.1f} m left", _narrow_place(route)
+            if course is None and corridor is not None:
+                reason = f"{corridor.free_distance_m:.2f} m to something that the map does not have"
+            elif isinstance(course, FollowLeg) and course.speed_mps == 0.0:
+                reason = "waits for a mover"
+            elif apart_m <= LAST_STEP_M and not maps[Passage.TIGHT].is_open(place):
+                reason = no_room(place, maps)
     return WayTo(
         course=course, left_m=left_m, bearing_rad=bearing_rad, reason=reason, narrow=narrow
     )
@@ -103,19 +106,9 @@ def _narrow_place(route: Route) -> Place | None:
     return (float(x_m), float(y_m)) if clear_m.min() < _NARROW_M else None
 
 
-def _trouble(place: Place, maps: ClearanceMaps) -> str:
-    """Return why no route leads to a place."""
-    if maps.map.is_beyond_edge(*place):
-        return "the place lies beyond the edge of the ground"
-    narrowest = maps[Passage.OUT]
-    if _nearest_m(place, maps.map.obstacles_m) < narrowest.margins.touch_m:
-        return "no room at the place: an obstacle is too near"
-    if _nearest_m(place, maps.map.edges_m) < narrowest.margins.edge_m:
-        return "no room at the place: the edge of the ground is too near"
-    is_open = narrowest.map.lies_on(narrowest.open, np.array(place))
-    return _NO_WAY if is_open else _UNSEEN
-
-
-def _nearest_m(place: Place, points_m: Floats) -> float:
-    """Return the distance from a place to the nearest point; inf without points."""
-    return float(np.hypot(*(points_m - place).T).min(initial=math.inf))
+def _may_be_unseen(place: Place, maps: ClearanceMaps) -> bool:
+    """Return whether nothing that was seen is too near to a place where no route ends."""
+    found, widest = maps.map, maps[Passage.OUT]
+    limits_m = (found.obstacles_m, widest.margins.touch_m), (found.edges_m, widest.margins.edge_m)
+    near = any((np.hypot(*(points_m - place).T) < least_m).any() for points_m, least_m in limits_m)
+    return not (near or widest.is_open(place) or found.is_beyond_edge(*place))

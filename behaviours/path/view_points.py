@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Final
 
 import numpy as np
 
 from behaviours.path.margins import Passage
 from behaviours.path.passages import ClearanceMaps
+from behaviours.path.room import BEYOND, Room, covered, room_at
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -71,6 +73,19 @@ def view_points(
     return _tour(poses, time_s[best])
 
 
+def why_none(maps: ClearanceMaps, target: MapObject, *, distance_m: float, count: int) -> str:
+    """Return what the wanted places around an object lack; the two most frequent reasons."""
+    reasons, rounding_m = Counter[str](), maps.map.cell_m / 2
+    for rad in _first_rad(target, maps.map.pose) + math.tau * np.arange(count) / count:
+        out_m = distance_m + float(_reach_m(target, rad)[0])
+        place = target.x_m + out_m * math.cos(rad), target.y_m + out_m * math.sin(rad)
+        short_m, needed_m, what = room_at(place, maps, Passage.ORDINARY)
+        room = Room(short_m + rounding_m, needed_m + rounding_m, what)
+        hidden = str(room) if room.short_m > 0.0 else "no free view, or no known way there"
+        reasons[BEYOND if maps.map.is_beyond_edge(*place) else hidden] += 1
+    return "; ".join(f"{number} of {count}: {text}" for text, number in reasons.most_common(2))
+
+
 def _first_rad(target: MapObject, pose: Pose2D) -> float:
     """Return the bearing, from an object, of the normal of the side that faces the drone."""
     to_drone_rad = math.atan2(pose.y_m - target.y_m, pose.x_m - target.x_m)
@@ -112,17 +127,10 @@ def _in_sight(site_map: SiteMap, target: MapObject, places_m: Floats, sides_m: F
     for item in site_map.objects:
         is_target = target.covers(item.x_m, item.y_m) or item.covers(target.x_m, target.y_m)
         if not is_target:
-            blocked |= _covered(item, lines_m, 0.0)
-    for point_m in site_map.obstacles_m[~_covered(target, site_map.obstacles_m, _OWN_M)]:
+            blocked |= covered(item, lines_m, 0.0)
+    for point_m in site_map.obstacles_m[~covered(target, site_map.obstacles_m, _OWN_M)]:
         blocked |= np.hypot(*np.moveaxis(lines_m - point_m, -1, 0)) < SIGHT_M
     return np.asarray(~blocked.any(axis=1))
-
-
-def _covered(item: MapObject, points_m: Floats, margin_m: float) -> Flags:
-    """Return which points, (..., 2), lie on an object's base or within a margin around it."""
-    middle = Pose2D(x_m=item.x_m, y_m=item.y_m, yaw_rad=item.yaw_rad)
-    half_m = np.array([item.size_m, item.width_m]) / 2 + margin_m
-    return np.asarray((np.abs(middle.points_to_body(points_m)) <= half_m).all(axis=-1))
 
 
 def _tour(poses: list[Pose2D], time_s: Floats) -> list[Pose2D]:

@@ -15,8 +15,8 @@ from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Lighting, Scene, TakeOffSpec
 from sim_bridge.twin.shapes import PRINTED, Vector2, lab_of_scene
-from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
-from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER, Lab
+from uav_bt.errors import InputError, SceneError, UnknownNameError, ValueRangeError
+from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, SCENES_FOLDER, Lab
 from uav_bt.lab.room import SIDE_PAPERS, RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, shipped_labs
 from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
@@ -31,22 +31,38 @@ def shipped_scenes() -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
-def scene_names() -> tuple[str, ...]:
-    """Return the names of the scenes that ship with the project."""
-    return tuple(shipped_scenes())
+def scene_files() -> dict[str, list[Path]]:
+    """Return the files of each scene that ships, and of those of the labs in `labs/`, by name."""
+    found = {name: [path] for name, path in shipped_scenes().items()}
+    for file in sorted(Path(LABS_FOLDER).glob(f"*/{SCENES_FOLDER}/*.yaml")):
+        if file.stem not in shipped_scenes():  # that of the shipped lab, or a copy of it
+            found.setdefault(file.stem, []).append(file)
+    return found
+
+
+def scene_path(name_or_path: str | Path) -> Path:
+    """Return the file of a scene, by its name in `scene_files` or by its path."""
+    name, path, known = str(name_or_path), Path(name_or_path), scene_files()
+    if name not in known:
+        if path.is_file() or path.suffix in (".yaml", ".yml") or len(path.parts) != 1:
+            return path
+        own = f"{Path(LABS_FOLDER).resolve()}/*/{SCENES_FOLDER}"
+        looked = f"no file; known are the shipped ones and those in {own}"
+        raise UnknownNameError("scene", name, known, looked)
+    if len(known[name]) > 1:
+        paths = ", ".join(map(str, known[name]))
+        raise InputError(f"several labs have a scene '{name}': give --lab, or a path ({paths})")
+    return known[name][0]
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Read a scene by the name of one that ships, or by the path of a YAML file.
+    """Read a scene by its name, or by the path of a YAML file; see `scene_path`.
 
     Raises:
-        UnknownNameError: the name is neither a shipped scene nor a file.
+        UnknownNameError: the name is neither a known scene nor a file.
         SceneError: the file is malformed or describes an impossible scene.
     """
-    shipped = shipped_scenes()
-    path = shipped.get(str(name_or_path), Path(name_or_path))
-    if not path.is_file() and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
-        raise UnknownNameError("scene", str(name_or_path), shipped)
+    path = scene_path(name_or_path)
     file = read_yaml(
         path,
         _SceneFile,

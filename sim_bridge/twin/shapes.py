@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError
-from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, Lab
 from uav_bt.lab.obj_file import pieces
 from uav_bt.lab.room import ROOF_PAPERS, SIDE_PAPERS, ObjectKind, Surface
 from uav_bt.lab.shipped import load_lab, shipped_labs
@@ -157,7 +157,7 @@ class SceneLab:
 
 def lab_of_scene(name: str) -> SceneLab:
     """Return a lab by name or path; it is read once while its file stays the same."""
-    places = (shipped_labs().get(name), Path("labs") / name, Path(name))
+    places = (shipped_labs().get(name), Path(LABS_FOLDER) / name, Path(name))
     files = (place / LAB_FILE for place in places if place is not None)
     file = next((each for each in files if each.is_file()), Path(name))
     stamp = (str(file.resolve()), file.stat().st_mtime_ns) if file.is_file() else None

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
+from sim_bridge.twin.objects import PlacedObject
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
@@ -21,7 +23,9 @@ from uav_bt.display.shown import FlightFacts, Intruding
 from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.video import FlightVideo
 from uav_bt.display.video.video_file import VideoFile
+from uav_bt.lab.obj_file import pieces
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark
@@ -42,17 +46,33 @@ def map_of_scene(scene: Scene) -> LabMap:
         class_id, outline = scene.shape_of(mover).class_id, mover.footprint(*mover.path_m[0])
         path_m = (*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m
         movers.append(item(class_id, outline, mover.size_m[2], path_m=path_m))
+    mark = None
+    if pad is not None:
+        top = make_mark_finder(pad.mark).picture()
+        mark = item(scene.mark_class, pad.footprint, pad.size_m[2], picture=top)
     return LabMap(
         ground=scene.ground,
         boxes=tuple(
-            item(one.class_id, one.footprint, one.height_m, parts=one.parts)
-            for one in scene.ground_plan.standing
-            if one.class_id is not None
+            item(
+                one.shape.class_id,
+                one.footprint,
+                one.standing.height_m,
+                parts=one.standing.parts,
+                pieces_m=tuple(_outlines_m(one)),
+            )
+            for one in scene.placed
         ),
-        mark=None if pad is None else item(scene.mark_class, pad.footprint, pad.size_m[2]),
+        mark=mark,
         movers=tuple(movers),
         take_off=scene.take_off_pose,
     )
+
+
+def _outlines_m(placed: PlacedObject) -> Iterator[list[tuple[float, float]]]:
+    """Yield the outline of each piece of a mesh, where it stands; nothing for other shapes."""
+    for piece in [] if placed.shape.mesh is None else pieces(placed.shape.mesh):
+        hull = cv2.convexHull(piece[..., :2].reshape(-1, 2).astype(np.float32))[:, 0]
+        yield [placed.spec.pose.to_world(x_m, y_m) for x_m, y_m in hull.tolist()]
 
 
 def facts_of_flight(flight: Flight[Drone], title: str = "") -> FlightFacts:

@@ -77,7 +77,7 @@ class FlightOptions:
         AfterValidator(lambda scene: None if scene is None else str(scene)),
         Option("", "SCENE", "Simulated room", of_drone=True),
     ] = None
-    """The twin's lab: a shipped scene or a YAML file."""
+    """The twin's lab: a shipped scene, one of a lab in labs/, or a YAML file."""
     seed: values.Seed = 0
     profile: values.Profile = "lab"
     movers: Annotated[

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 from perception.networks.weights_file import ANY, SHIPPED_UNET, TEACHER
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site, has_paper_classes
 from uav_bt.board import CLASS_MAP
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, lab_address, load_lab
@@ -22,8 +21,8 @@ from uav_bt.tree import MissionTree
 from uav_bt.tree.rules import Rules
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.area import Area
-from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame, parse_places
-from uav_bt.types.place_frames import from_start, start_to_lab
+from uav_bt.types.place import LandOn, MissionRules, PlaceFrame
+from uav_bt.types.place_frames import from_start
 
 _LARGER: Final = frozenset({"floor_m", "critical_battery"})  # the larger is stricter
 
@@ -78,7 +77,7 @@ def conditions_of(
     if recorded:
         return found
     _check_mark(judge, scene, lab)
-    return replace(found, area=_area_of(rules, site, known.take_off_pose))
+    return replace(found, area=area_of(rules, site, known.take_off_pose))
 
 
 def rules_of(mission: MissionTree) -> MissionRules:
@@ -105,9 +104,16 @@ def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
     if not isinstance(lab, Lab):
         return of_scene
     if scene is not None and of_scene is not None and not _same(lab, of_scene):
+        file = lab.scenes.get(scene.name, Path(scene_of(options) or ""))
+        lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+        stated = [number for number, line in enumerate(lines, 1) if line.startswith("lab:")]
+        if stated and file in lab.scenes.values():
+            cure = f"remove this key, or write lab: {lab.name}"
+            raise FileError(file, f"the scene is for the lab '{scene.lab}': {cure}", stated[0])
         raise InputError(
             f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
-            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or that lab"
+            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes) or 'none'}), or "
+            "that lab"
         )
     return lab
 
@@ -153,10 +159,10 @@ def check_area(mission: MissionTree, site: Site) -> None:
     corners = [*(rules.area or ()), *(site.area or ())]
     # The scene may still know the take-off pose.
     if site.take_off_pose is not None or all(each.frame is PlaceFrame.START for each in corners):
-        _area_of(rules, site, site.take_off_pose)
+        area_of(rules, site, site.take_off_pose)
 
 
-def _area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:
+def area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:
     """Return where the areas of rules and site both hold; None without one."""
     given = [corners for corners in (rules.area, site.area) if corners is not None]
     if not given:
@@ -194,23 +200,3 @@ def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool
                 f"'{leaf.path}' segments with the network '{values['model']}', which does not have "
                 f"the classes of the lab '{lab.name}': {remedy}"
             )
-
-
-def drawn_places(
-    tree: MissionTree, take_off: Pose2D | None
-) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield the places of a mission in the lab's drawing: text, and x and y in metres.
-
-    Without a take-off pose in the drawing only places in the lab's frame are known.
-    """
-    found: dict[str, Place] = {}
-    for text in (each for node in tree.nodes() for each in node.literals.values()):
-        with suppress(ValueRangeError):  # other attributes are no places
-            found |= {str(one): one for one in parse_places(text)} if isinstance(text, str) else {}
-    for name, place in found.items():
-        there = Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0)
-        if place.frame is PlaceFrame.START and take_off is not None:
-            there = start_to_lab(there, take_off)
-        elif place.frame is not PlaceFrame.LAB:
-            continue
-        yield name, (there.x_m, there.y_m)

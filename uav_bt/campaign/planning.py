@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
+from sim_bridge.twin.scene_file import load_scene, scene_files, scene_path, shipped_scenes
 from uav_bt.app import provenance
 from uav_bt.app.drone_of_flight import check_faults, check_phases
 from uav_bt.app.loading import is_text, load_mission
@@ -125,7 +125,7 @@ def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[Pl
         if not own:
             scene_of(options)  # refuses a lab without scenes
             wanted = ("val-*",)
-    known: dict[str, str | Path] = {**{name: name for name in scene_names()}, **own}
+    known: dict[str, str | Path] = {**{name: name for name in scene_files()}, **own}
     found: list[str] = []
     for word in (part.strip() for text in wanted for part in text.split(",")):
         if not word:
@@ -136,7 +136,7 @@ def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[Pl
             raise UnknownNameError("scene pattern", word, known)
         found += [str(known.get(name, name)) for name in matches or [word]]
     for scene in dict.fromkeys(found):
-        path = scene if scene in scene_names() else str(Path(scene).resolve())
+        path = scene if scene in shipped_scenes() else str(scene_path(scene).resolve())
         yield PlannedFile(name=load_scene(scene).name, path=path)
 
 

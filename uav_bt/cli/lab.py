@@ -19,20 +19,25 @@ from perception.camera.calibration import calibrate as calibrate_camera
 from perception.camera.camera_file import write_camera
 from perception.camera.image_files import image_files, read_image
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, scene_files
 from uav_bt.app.film import map_of_scene
-from uav_bt.app.flight import check as check_tree
-from uav_bt.app.place import drawn_places
+from uav_bt.app.loading import load_mission
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.place import lab_of, scene_of
+from uav_bt.app.scene_places import with_places
+from uav_bt.app.site import Site
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Positive, print_or_write, table
-from uav_bt.display.lab_map import MapItem, draw_lab_with_axes
-from uav_bt.errors import FileError
+from uav_bt.display.lab_map import MapItem, MapPlace, draw_lab_with_axes
+from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, write_whole
+from uav_bt.lab.lab import Lab
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 from uav_bt.option import Option
 
+_OF_PLACES: Final = ("lab", "ports", "variables", "params", "leaves")
 _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach it are in their way
 
 
@@ -71,9 +76,14 @@ def scenes(
     *,
     shown: Annotated[str | None, Option(form="--show SCENE")] = None,
     tree: Annotated[str | None, Option(form="TREE")] = None,
+    flight: Annotated[FlightOptions, Option(parts=FlightOptions, only=_OF_PLACES)],
     out: Annotated[Path | None, Option(path="written", suffix=".png")] = None,
-) -> None:
-    """List the scenes that ship with uav-bt, or list the boxes of one and draw its map.
+) -> bool:
+    """List scenes, or list the boxes of one and draw its map.
+
+    Without --show the scenes that ship and those of the labs in labs/ are listed, or those of
+    --lab. With --tree the room at each place of the mission is stated, and drawn: its distance from
+    the nearest obstacle or edge, and what a drone needs. Exits with 1 where a place has too little.
 
     Options:
         shown: A scene, by name or file, to draw.
@@ -84,20 +94,54 @@ def scenes(
         given = "--out" if out is not None else "--tree" if tree is not None else None
         if given is not None:
             raise click.UsageError(f"{given} needs --show SCENE")
-        click.echo(table([(name, _summary(load_scene(name))) for name in scene_names()], left=2))
-        return
-    scene = load_scene(shown)
+        listed = flight.lab.scenes if isinstance(flight.lab, Lab) else scene_files()
+        click.echo(
+            table([(name, _line(name, flight)) for name in listed] or [("no scenes",)], left=2)
+        )
+        return True
+    scene = _scene(shown, flight)
     path = Path(f"{scene.name}.png") if out is None else out
     lab_map = map_of_scene(scene)
     if tree is not None:
-        lab_map = replace(lab_map, places=tuple(drawn_places(check_tree(tree), lab_map.take_off)))
+        lab_map = with_places(lab_map, load_mission(tree, flight), scene, flight.place or Site())
     drawn = draw_lab_with_axes(lab_map, title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
     write_whole(path, png.tobytes())
     click.echo(f"{scene.name}: {_summary(scene)}")
     if lab_map.boxes:
         click.echo(table(_standing(scene, lab_map.boxes), left=2))
+    if lab_map.places:
+        click.echo(table(_room_rows(lab_map.places), left=4))
     click.echo(f"map: {path}")
+    faults = [each.fault for each in lab_map.places if each.fault]
+    for fault in faults:
+        click.echo(fault, err=True)
+    return not faults
+
+
+def _scene(name: str, flight: FlightOptions) -> Scene:
+    """Return a scene by name or file, of the lab if one is given."""
+    asked = replace(flight, scene=name)
+    scene = load_scene(scene_of(asked) or name)
+    lab_of(asked, scene)
+    return scene
+
+
+def _line(name: str, flight: FlightOptions) -> str:
+    """Return the summary of a scene, or why it cannot be used."""
+    try:
+        return _summary(_scene(name, flight))
+    except InputError as error:
+        return f"refused: {error}"
+
+
+def _room_rows(places: Sequence[MapPlace]) -> Sequence[tuple[str, ...]]:
+    """Return a row for each place of a mission."""
+    rows = [("place", "x, m", "y, m", "room")]
+    for place in places:
+        at = [f"{round(value, 2) + 0.0:.2f}" for value in place.at_m or ()] or ("", "")
+        rows.append((place.text, *at, f"{'BAD: ' if place.fault else ''}{place.note}"))
+    return rows
 
 
 def _standing(scene: Scene, shown: Sequence[MapItem]) -> Sequence[tuple[str, ...]]:

@@ -44,7 +44,7 @@ def serve_anafi(
     others, such as --http-port 8080 --rtsp-port 8554, and tell the script.
 
     Options:
-        scene: Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open
+        scene: Fly in this lab: a scene by name, or a YAML file. Without it the drone has an open
             field, a GPS fix and an outdoor drone's pace, as scripts for the ANAFI expect.
         video_rate_hz: Frames of video a second, at most.
         no_video: Serve no video.

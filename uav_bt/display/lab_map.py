@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import cv2
@@ -39,12 +39,31 @@ class MapItem(Footprint):
     name: str = ""  # class of the sides, such as box_3
     parts: tuple[Block, ...] = ()  # of a table, say; none: it is solid
     path_m: tuple[Point, ...] = ()  # of a mover, world metres; a loop ends with its first point
+    pieces_m: tuple[tuple[Point, ...], ...] = ()  # outlines of the pieces of a mesh, world metres
+    # The top of a mark, RGB, upright; None: an H
+    picture: Image | None = field(default=None, compare=False, repr=False)
 
     def corners(self) -> list[Point]:
         """Return the corners of the outline in world metres, counter-clockwise."""
         if self.round:
             return canvas.circle((self.x_m, self.y_m), self.half_x_m)
         return super().corners()
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance of a world point from the outline; 0 inside."""
+        pieces = [np.array(piece_m, dtype=np.float32) for piece_m in self.pieces_m]
+        inside_m = [cv2.pointPolygonTest(piece, (x_m, y_m), True) for piece in pieces]
+        return max(-max(inside_m), 0.0) if pieces else super().distance_m(x_m, y_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapPlace:
+    """A place that a mission names."""
+
+    text: str  # as in the tree file
+    at_m: Point | None  # in the drawing; None: known in flight only
+    note: str = ""  # the room there
+    fault: str = ""  # the line that names it and what to do, where there is too little room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +75,8 @@ class LabMap:
     mark: MapItem | None = None
     movers: tuple[MapItem, ...] = ()  # at the start of their paths
     take_off: Pose2D | None = None  # None: random or unknown
-    places: tuple[tuple[str, Point], ...] = ()  # of a mission: text in the tree, and position
+    places: tuple[MapPlace, ...] = ()  # of a mission
+    areas_m: tuple[tuple[Point, ...], ...] = ()  # polygons that it stays in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +120,8 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
             canvas.line(image, frame.to_px(mover.path_m), _mixed(mover.colour, INK, 0.3))
         for box in lab_map.boxes:
             edge = _mixed(box.colour, INK, 0.45)
-            canvas.polygon(image, frame.to_px(box.corners()), box.colour, edge)
+            for outline_m in box.pieces_m or (box.corners(),):
+                canvas.polygon(image, frame.to_px(outline_m), box.colour, edge)
             scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
             x, y = frame.to_px((box.x_m, box.y_m))
             height = f"{box.height_m:.3g}"
@@ -112,6 +133,14 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
 def _draw_mark(image: Image, frame: MapFrame, mark: MapItem) -> None:
     face = _mixed(mark.colour, BACKDROP, 0.35)
     canvas.polygon(image, frame.to_px(mark.corners()), face, mark.colour)
+    if mark.picture is not None:
+        corners_px = frame.to_px(mark.corners())[[1, 0, 2]].astype(np.float32)  # upper left first
+        wide, high = np.ceil(np.linalg.norm(corners_px[1:] - corners_px[0], axis=1)).astype(int)
+        small = cv2.resize(mark.picture, (int(wide), int(high)), interpolation=cv2.INTER_AREA)
+        drawn = np.array([(0, 0), (wide, 0), (0, high)], dtype=np.float32)
+        matrix, size_px = cv2.getAffineTransform(drawn, corners_px), frame.size_px
+        cv2.warpAffine(small, matrix, size_px, image, borderMode=cv2.BORDER_TRANSPARENT)
+        return
     a, b = 0.44 * mark.half_x_m, 0.56 * mark.half_y_m
     for stroke in (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0))):  # an H
         ends_m = [mark.to_world(*end) for end in stroke]
@@ -171,8 +200,13 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
         tail, tip = np.rint(frame.to_px(ends_m)).astype(int)
         cv2.arrowedLine(image, tail, tip, INK, 3, cv2.LINE_AA, tipLength=0.3)
         legend += "; arrow: take-off heading"
-    for _, at_m in lab_map.places:
-        canvas.polygon(image, canvas.circle(frame.to_px(at_m), 5), _PLACE_COLOUR)
+    for polygon_m in lab_map.areas_m:
+        canvas.polygon(image, frame.to_px(polygon_m), None, _PLACE_COLOUR)
+    legend += "; outline: area of the mission" if lab_map.areas_m else ""
+    for place in lab_map.places:
+        if place.at_m is not None:
+            colour = canvas.ALARM if place.fault else _PLACE_COLOUR
+            canvas.polygon(image, canvas.circle(frame.to_px(place.at_m), 5), colour)
     _write_names(image, frame, lab_map)
     canvas.put(image, title, (14, 24), scale=0.55)
     canvas.put(image, legend, (14, size_px[1] - 12), colour=DIM, scale=_TEXT)
@@ -198,13 +232,19 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
         named.append((f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()))
     if lab_map.mark is not None:
         named.append((f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()))
-    named += [(text, [at_m]) for text, at_m in lab_map.places]
+    bad = {f"{each.text}: {each.note}" for each in lab_map.places if each.fault}
+    for each in lab_map.places:
+        words = f"{each.text}: {each.note}" if each.fault else each.text
+        named += [] if each.at_m is None else [(words, [each.at_m])]
     for name, outline_m in named:
         outline_px = frame.to_px(outline_m)
         (left, top), (right, bottom) = outline_px.min(axis=0), outline_px.max(axis=0)
-        middle, base = (left + right) / 2, bottom + _NAME_PX
+        side = canvas.text_width_px(name, _TEXT) / 2 + 4
+        middle = min(max((left + right) / 2, side), max(frame.size_px[0] - side, side))
+        base = bottom + _NAME_PX
         if base > lowest:
             base = top - 5
         # A dark edge keeps it readable on a path.
         canvas.put_centred(image, name, (middle + 1, base + 1), colour=BACKDROP)
-        canvas.put_centred(image, name, (middle, base))
+        colour = canvas.ALARM if name in bad else INK
+        canvas.put_centred(image, name, (middle, base), colour=colour)

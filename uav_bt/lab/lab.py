@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LAB_FILE: Final = "lab.yaml"
 NETWORK_FILE: Final = "segmentation.onnx"  # beside the lab file; `uav-bt lab train` writes it
+LABS_FOLDER: Final = "labs"  # below the working directory: labs that are found by name
 SCENES_FOLDER: Final = "scenes"  # beside the lab file
 _NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 

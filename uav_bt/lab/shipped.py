@@ -9,7 +9,7 @@ from typing import Final
 
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.files import write_whole, writing
-from uav_bt.lab.lab import LAB_FILE, Lab, check_lab_name
+from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, Lab, check_lab_name
 from uav_bt.types.sizes import LandingMark
 
 DEFAULT_LAB: Final = "paper"
@@ -30,14 +30,14 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
     if "/" in name or len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
         return _read(path)
-    own = Path("labs") / name
+    own = Path(LABS_FOLDER) / name
     ours = shipped.get(name)
     if ours is None:
         if (own / LAB_FILE).is_file():
             return _read(own)
         if path.is_dir():
             return _read(path)
-        owned = (file.parent.name for file in Path("labs").glob(f"*/{LAB_FILE}"))
+        owned = (file.parent.name for file in Path(LABS_FOLDER).glob(f"*/{LAB_FILE}"))
         raise UnknownNameError("lab", name, {*shipped, *owned})
     if (own / LAB_FILE).is_file() and not own.samefile(ours):
         remedy = f"give the path ./{own} for yours, or rename its folder"

@@ -119,12 +119,6 @@ def lab_to_start(place: Pose2D, take_off: Pose2D) -> Pose2D:
     return Pose2D(x_m=forward_m, y_m=-left_m, yaw_rad=yaw_rad)
 
 
-def start_to_lab(pose: Pose2D, take_off: Pose2D) -> Pose2D:
-    """Return a pose relative to the take-off pose in the lab's drawing; see `lab_to_start`."""
-    x_m, y_m = take_off.to_world(pose.x_m, -pose.y_m)
-    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(take_off.yaw_rad - pose.yaw_rad))
-
-
 _UNTURNED = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 

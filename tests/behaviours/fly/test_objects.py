@@ -148,7 +148,8 @@ def test_without_a_place_there_are_no_view_points() -> None:
         ("object:3", "no object 3"),
         ("mark", "not seen"),
         ("lab:0,0", "unknown"),
-        ("object:1", "room"),  # in a corner,
+        # in a corner
+        ("object:1", "room and a free view (1 of 2: 0.30 m to box_1 (object:1), 0.45 m needed; 1"),
     ):
         bench = LeafBench(ViewPoints, of=of, distance_m=0.3, count=2)
         assert show(bench, map_of(box(1, 1.9, 1.9))) is Status.FAILURE

@@ -90,14 +90,42 @@ def test_it_looks_down_at_unseen_ground_nearby() -> None:
 def test_a_place_that_cannot_be_reached_fails_with_its_reason() -> None:
     for place, reason in (
         ("start:2.7,0", "beyond the edge"),
-        ("start:1.55,0", "no room"),
+        ("start:1.55,0", "no room at the place: 0.05 m to an obstacle, 0.30 m needed"),
         ("object:3", "no object 3"),
         ("mark", "not seen"),
     ):
-        bench = LeafBench(GoTo, to=place, blocked_s=1.0)
-        ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
-        assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
-        assert reason in bench.leaf.feedback_message
+        assert reason in failed(place, on(wall_m=1.6))
+
+
+def failed(place: str, site_map: SiteMap, *, free_m: float = math.inf) -> str:
+    """Return why GoTo fails at a place; the corridor is free for a distance."""
+    bench, status = LeafBench(GoTo, to=place, blocked_s=1.0, gives_way="false"), Status.RUNNING
+    while status is Status.RUNNING:
+        bench.board[CORRIDOR] = corridor(free_m, captured_s=bench.clock.now() + 0.3)
+        status = live(bench, site_map=site_map, seconds=0.3)
+    assert status is Status.FAILURE
+    return str(bench.leaf.feedback_message)
+
+
+def test_the_reason_names_the_object_beside_the_place_or_in_the_way() -> None:
+    box = MapObject(
+        id=3, class_id=5, x_m=1.2, y_m=0.0, size_m=0.4, width_m=0.4, std_m=0.05, seen_s=1.0
+    )
+    name = f"{on().classes.names[5]} (object:3)"
+    # Only the side that faces the start was seen, and the drone is as near as it gets.
+    beside = replace(on(1.75, 0.0), objects=(box,), obstacles_m=np.array([(1.0, 0.0)]))
+    assert f"at the place: 0.21 m to {name}, 0.30 m needed" in failed("start:1.61,0", beside)
+    assert f"at the place: 0.10 m to {name}, 0.30 m needed" in failed("start:1.5,0", beside)
+    assert failed("start:-1.5,0", beside) == "no progress, 4.2 m left"
+    wall = [((0.8, -2.0), (0.8, -0.2)), ((0.8, 0.2), (0.8, 2.0))]
+    gap = failed("start:1.6,0", drawn_map(walls=wall))
+    assert "no known way is wide enough: at start:0.8,0 0.20 m to an obstacle, 0.30 m" in gap
+    assert "an obstacle is in between, at start:0.8" in failed("start:1.6,0", on(wall_m=0.8))
+    strip = failed("start:1.6,0", drawn_map(known=(X_M < -0.6) | (X_M > 1.0), pose=(-1.2, 0, 0)))
+    assert "was never seen" in strip
+    assert failed("start:1.6,0", drawn_map(known=X_M < 0.3)) == "the place was never seen"
+    blocked = failed("start:1.6,0", on(), free_m=0.2)
+    assert blocked == "0.20 m to something that the map does not have"
 
 
 def test_it_waits_for_a_map() -> None:

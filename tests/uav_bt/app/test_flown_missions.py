@@ -15,8 +15,10 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.simulated_drone import SimulatedReferee
 from tests.paper_lab import BACKGROUND
 from uav_bt import app
+from uav_bt.app.film import map_of_scene
 from uav_bt.app.flight_record import recorded_tree
-from uav_bt.app.place import drawn_places
+from uav_bt.app.scene_places import with_places
+from uav_bt.app.site import Site
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.board import SITE_MAP
 from uav_bt.campaign import make_plan
@@ -25,7 +27,6 @@ from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import parse_tree
 from uav_bt.tree.shipped import resolve_tree
-from uav_bt.types import Pose2D
 
 pytestmark = pytest.mark.flight
 
@@ -146,6 +147,6 @@ def test_places_of_a_file_are_visited_and_kept_with_record_and_plan(tmp_path: Pa
     (tmp_path / "rounds.csv").unlink()  # the record does not need it
     tree = recorded_tree(RecordReader(record))
     assert tree is not None
-    start = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    drawn = drawn_places(parse_tree(tree), start)
-    assert [text for text, _ in drawn] == ["start:0.8,0", "start:0.8,0.6"]
+    scene = load_scene("val-a")
+    drawn = with_places(map_of_scene(scene), parse_tree(tree), scene, Site())
+    assert [place.text for place in drawn.places] == ["start:0.8,0", "start:0.8,0.6"]

@@ -16,7 +16,6 @@ from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.loading import load_mission
-from uav_bt.app.place import drawn_places
 from uav_bt.app.site import Site, load_site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT
 from uav_bt.errors import FileError, InputError
@@ -26,7 +25,7 @@ from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.types import Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import LandOn, area_corners
 
@@ -304,18 +303,3 @@ def test_a_drone_stays_in_its_area(no_pad: Path, tmp_path: Path, area: str) -> N
     assert ahead_m == pytest.approx(0.6, abs=0.1)
     assert math.dist(flown.path[-1, 1:3], (-1.0, 1.1)) < 0.2
     assert RecordReader(record).metadata["area"].startswith("[[[-0.5, -0.5]")
-
-
-PLACES = """<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>
-  <LoopString queue="start:2,0;lab:0.5,1@90;mark" value="{p}"><GoTo to="{p}"/></LoopString>
-  <GoTo to="start:2,0"/><Face at="90"/><GoTo to="body:1,0"/>
-</Sequence></BehaviorTree></root>"""
-UP = Pose2D(x_m=-1.0, y_m=0.0, yaw_rad=math.pi / 2)
-
-
-def test_each_known_place_is_drawn_once() -> None:
-    found = dict(drawn_places(parse_tree(PLACES), UP))
-    assert list(found) == ["start:2,0", "lab:0.5,1@90"]
-    assert found["start:2,0"] == pytest.approx((-1.0, 2.0))
-    assert found["lab:0.5,1@90"] == (0.5, 1.0)
-    assert [text for text, _ in drawn_places(parse_tree(PLACES), None)] == ["lab:0.5,1@90"]

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from perception.camera.camera_file import load_camera
-from sim_bridge.twin.scene_file import scene_names
+from sim_bridge.twin.scene_file import shipped_scenes
 from tests.perception.camera.test_calibration import SIZE, TRUE, photograph
 from tests.uav_bt.learning.frames_world import view, walk, write_video
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
@@ -70,7 +70,7 @@ def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Pa
 def test_scenes_has_a_line_for_each() -> None:
     result = run("lab", "scenes")
     assert result.exit_code == 0
-    assert [line.split()[0] for line in result.stdout.splitlines()] == list(scene_names())
+    assert [line.split()[0] for line in result.stdout.splitlines()] == list(shipped_scenes())
     assert "0.60 to 2.15 m high (5 reach 1.5 m), landing mark at (-1.6, 1.2)" in result.stdout
     assert "take-off from the landing mark, yaw -20 deg" in result.stdout
 
@@ -106,6 +106,74 @@ def test_a_scene_without_boxes_has_no_table(tmp_path: Path) -> None:
     result = run("lab", "scenes", "--show", scene, "--out", tmp_path / "map.png")
     assert result.exit_code == 0, result.output
     assert len(result.stdout.splitlines()) == 2
+
+
+VISIT = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence>
+<Rules area="start:-1,-2;start:2,-2;start:2,2;start:-1,2"/><SubTree ID="Perceive"/><Sequence>
+<TakeOff/><GoTo to="start:0.5,0"/><GoTo to="lab:0.51,0"/><Face at="lab:1,0"/>
+<GoTo to="object:3"/><GoTo to="mark"/>
+<LoopString queue="file:rounds.csv" value="{p}"><GoTo to="{p}"/></LoopString><Land/>
+</Sequence></ReactiveSequence></BehaviorTree></root>"""
+
+
+@pytest.fixture
+def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_places_of_a_mission_have_their_room(empty: Path) -> None:
+    """The box reaches from x = 0.8 to 1.2; start: counts from the mark, upwards."""
+    box = "boxes: [{pattern: 2, position_m: [1, 0], size_m: [0.4, 0.4, 1.7]}]"
+    scene = f"helipad: {{position_m: [-1, -1]}}\n{box}\ntake_off: {{yaw_deg: 90}}\n"
+    Path("one.yaml").write_text(scene, encoding="utf-8")
+    Path("rounds.csv").write_text("frame,x,y\nstart,1,1\nstart,1,3.2\nlab,0,1.8\n")
+    Path("mission.xml").write_text(VISIT, encoding="utf-8")
+    shown = ("lab", "scenes", "--show", "one.yaml", "--tree", "mission.xml")
+    result = run(*shown)
+    assert result.exit_code == 1, result.output
+    rows = [" ".join(line.split()) for line in result.stdout.splitlines()[4:-1]]
+    assert rows == [
+        "start:0.5,0 -1.00 -0.50 1.50 m to the edge of the ground, 0.30 m needed",
+        "lab:0.51,0 0.51 0.00 BAD: 0.29 m to box-2, 0.30 m needed",
+        "lab:1,0 1.00 0.00 only faced",
+        "object:3 known in flight only",
+        "mark -1.00 -1.00 1.00 m to the edge of the ground, 0.20 m needed",
+        "start:1,1 0.00 0.00 0.80 m to box-2, 0.30 m needed",
+        "start:1,3.2 2.20 0.00 BAD: 1.20 m beyond the border of the area",
+        "lab:0,1.8 0.00 1.80 BAD: 0.80 m beyond the border of the area",
+    ]
+    faults = result.stderr.splitlines()
+    cure = "no room at 'lab:0.51,0', 0.29 m to box-2, 0.30 m needed: move it by 0.01 m"
+    assert faults[0] == f"mission.xml:3:41: {cure}"
+    assert f"{empty / 'rounds.csv'}:3: no room at 'start:1,3.2'" in faults[1]
+    Path("mission.xml").write_text(VISIT.replace("lab:0.51", "lab:0.36"), encoding="utf-8")
+    Path("rounds.csv").write_text("frame,x,y\nstart,1,1\n")
+    assert run(*shown).exit_code == 0
+    assert_refused(run("lab", "scenes", "--tree", "mission.xml"), "--tree needs --show SCENE")
+
+
+def test_scenes_of_own_labs_are_found_by_name(empty: Path) -> None:
+    lab_folder(empty / "labs" / "hall", HALL, scenes=("hall-a", "both"))
+    office = lab_folder(empty / "labs" / "office", HALL, scenes=("office-a", "both"))
+    listed = [line.split()[0] for line in run("lab", "scenes").stdout.splitlines()]
+    assert listed == [*shipped_scenes(), "both", "hall-a", "office-a"]
+    of_lab = run("lab", "scenes", "--lab", "hall").stdout.splitlines()
+    assert [line.split()[0] for line in of_lab] == ["both", "hall-a"]
+    assert run("lab", "scenes", "--show", "office-a").exit_code == 0
+    assert run("lab", "scenes", "--show", "both", "--lab", "office").exit_code == 0
+    several = "give --lab, or a path (labs/hall/scenes/both.yaml, labs/office/scenes/both.yaml)"
+    assert_refused(run("lab", "scenes", "--show", "both"), several)
+    looked = f"those in {empty}/labs/*/scenes: both, depot-test-a"
+    for command in (("lab", "scenes", "--show"), ("fly", "land_only", "--scene")):
+        unknown = run(*command, "ofice-a")
+        assert_refused(unknown, "unknown scene 'ofice-a'; did you mean 'office-a'?", looked)
+    file = office / "scenes" / "office-a.yaml"
+    file.write_text(f"# copied\nlab: paper\n{file.read_text()}", encoding="utf-8")
+    stated = "office-a.yaml:2: the scene is for the lab 'paper': remove this key, or write lab: off"
+    assert stated in run("lab", "scenes", "--lab", "office").stdout
+    assert_refused(run("fly", "land_only", "--lab", "office", "--scene", "office-a"), stated)
 
 
 # --- labs -----------------------------------------------------------------------------------------

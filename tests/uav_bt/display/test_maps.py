@@ -13,12 +13,13 @@ from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import CAMERA, LAB, World, facts, has, item, shown_of
 from tests.worlds import values
 from uav_bt.board import MARK, SITE_MAP
-from uav_bt.display.canvas import INK
+from uav_bt.display.canvas import ALARM, INK
 from uav_bt.display.lab_map import (
     GROUND_COLOUR,
     HEADER_PX,
     LabMap,
     MapFrame,
+    MapPlace,
     draw_lab,
     draw_lab_with_axes,
 )
@@ -73,9 +74,31 @@ def test_a_name_stands_below_its_box_or_above_it_at_the_edge(y_m: float, *, is_b
 
 
 def test_places_of_a_mission_are_dots() -> None:
-    image = draw_lab_with_axes(replace(BARE, places=(("lab:1,0", (1.0, 0.0)),)), size_px=SIZE_PX)
-    column, row = pixel(1.0, 0.0)
-    assert tuple(image[row, column]) == (255, 170, 0)
+    good = MapPlace(text="lab:1,0", at_m=(1.0, 0.0))
+    bad = MapPlace(text="lab:-1,0", at_m=(-1.0, 0.0), note="0.1 m to box-2", fault="no room")
+    later = MapPlace(text="object:3", at_m=None)
+    area_m = ((-1.25, -1.25), (1.25, -1.25), (1.25, 1.25), (-1.25, 1.25))
+    lab = replace(BARE, places=(good, bad, later), areas_m=(area_m,))
+    image = draw_lab_with_axes(lab, size_px=SIZE_PX)
+    orange = (255, 170, 0)
+    for at_m, colour in (((1.0, 0.0), orange), ((-1.0, 0.0), ALARM), ((0.0, 1.25), orange)):
+        column, row = pixel(*at_m)
+        assert image[row, column].tolist() == pytest.approx(colour, abs=30)
+
+
+def test_a_mark_shows_its_top_and_a_mesh_its_pieces() -> None:
+    """The upper edge of the mark is towards the y axis of its pose, which points left here."""
+    top = np.zeros((40, 40, 3), dtype=np.uint8)
+    top[:20] = (250, 10, 20)
+    mark = item(0.0, 0.0, (1.0, 1.0, 0.0), yaw_rad=math.pi / 2, picture=top)
+    triangle_m = ((1.5, 0.0), (2.0, 0.0), (2.0, 0.5))
+    mesh = item(1.75, 0.25, (0.5, 0.5, 1.0), colour=(9, 99, 199), pieces_m=(triangle_m,))
+    lab = replace(BARE, mark=mark, boxes=(mesh,))
+    image = draw_lab(lab, MapFrame(size_px=(600, 600), scale_px_per_m=100.0))
+    drawn = [tuple(image[300 - y, 300 + x]) for x, y in ((-30, 0), (30, 0), (195, 5), (155, 40))]
+    assert drawn == [(250, 10, 20), (0, 0, 0), (9, 99, 199), GROUND_COLOUR]
+    assert mesh.distance_m(1.6, 0.4) == pytest.approx(0.3 / math.sqrt(2), abs=1e-6)
+    assert mesh.distance_m(1.9, 0.1) == 0.0
 
 
 @pytest.mark.parametrize("size_px", [(600, 1000), (1000, 500)])

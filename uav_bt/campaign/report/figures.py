@@ -260,10 +260,12 @@ def _draw_lab(axes: Axes, lab: LabMap) -> None:
     axes.add_patch(Polygon(lab.ground.corners_m, facecolor="none", edgecolor="#adb5bd"))
     if lab.mark is not None:
         axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))
-        axes.text(lab.mark.x_m, lab.mark.y_m, "H", ha="center", va="center", color=_MARK)
+        letter = "H" if lab.mark.picture is None else "mark"
+        axes.text(lab.mark.x_m, lab.mark.y_m, letter, ha="center", va="center", color=_MARK)
     for box in lab.boxes:
         face = tuple(channel / 255 for channel in box.colour)
-        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
+        for outline_m in box.pieces_m or (box.corners(),):
+            axes.add_patch(Polygon(outline_m, facecolor=face, edgecolor=_INK, linewidth=0.8))
         height = f"{box.height_m:.3g}"
         axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", ha="center", va="center")
     for mover in lab.movers:

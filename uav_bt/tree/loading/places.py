@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -108,7 +109,7 @@ class PlaceLists:
             where = Position(line, 1) if line else WHOLE_FILE
             text = f"{message}; {who} at {at} names the file"
             self._findings.add(home.parent / name, where, text, rule=Rule.PLACES)
-        self._texts[target] = _STAND_IN if faults else SEPARATOR.join(places)
+        self._texts[target] = _STAND_IN if faults else SEPARATOR.join(each for _, each in places)
         return self._texts[target]
 
 
@@ -123,14 +124,26 @@ def takes_places(element: Element, name: str, registry: NodeRegistry) -> bool:
 # --- the file -------------------------------------------------------------------------------------
 
 
-def read_places(data: bytes, *, is_table: bool) -> tuple[list[str], list[tuple[int, str]]]:
-    """Return the places of a file, and its faults, each with its line (0: the file as a whole)."""
+def lines_of_lists(sources: Mapping[Path, bytes]) -> dict[str, str]:
+    """Return the lines of the files of places among the texts of a mission, by place."""
+    found: dict[str, str] = {}
+    for path, data in sources.items():
+        if path.suffix.lower() in FILE_SUFFIXES:
+            for line, text in read_places(data, is_table=path.suffix.lower() == ".csv")[0]:
+                found.setdefault(str(Place.parse(text)), f"{path}:{line}")
+    return found
+
+
+def read_places(
+    data: bytes, *, is_table: bool
+) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+    """Return the places of a file and its faults, each with its line (0: the file as a whole)."""
     try:
         lines = data.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         return [], [(data.count(b"\n", 0, error.start) + 1, "expected UTF-8 text")]
     columns: list[str] = []
-    places: list[str] = []
+    places: list[tuple[int, str]] = []
     faults: list[tuple[int, str]] = []
     for number, line in enumerate(map(str.strip, lines), 1):
         if not line or line.startswith(_COMMENT):
@@ -144,7 +157,7 @@ def read_places(data: bytes, *, is_table: bool) -> tuple[list[str], list[tuple[i
                 continue
             place = _row(columns, line) if columns else line.partition(_COMMENT)[0].strip()
             Place.parse(place)
-            places.append(place)
+            places.append((number, place))
         except InputError as error:
             faults.append((number, str(error)))
             if is_table and not columns:

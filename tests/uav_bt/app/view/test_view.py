@@ -279,7 +279,10 @@ def test_the_map_of_a_lab_with_kinds_has_their_outlines_and_parts() -> None:
     assert set(by_name) == {"rack", "table", "drum", "crate", "barrier"}
     assert len(by_name["drum"].corners()) > 4
     assert len(by_name["table"].parts) == 5
-    assert by_name["crate"].parts == ()
+    assert by_name["crate"].parts == by_name["crate"].pieces_m == ()
+    assert len(by_name["barrier"].pieces_m) >= 1
+    assert lab.mark is not None
+    assert lab.mark.picture is not None
     assert lab.ground.corners_m[0] == (4.0, 3.0)
 
 
