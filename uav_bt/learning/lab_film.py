@@ -1,0 +1,321 @@
+"""Films of a simulated lab by a scripted pilot, as a person films a room with the drone.
+
+The pilot flies by the drone's own commands on a round through the free ground of a scene, turns
+once at every place with another pitch of the camera, and films the landing mark from above. With
+movers a second flight films people and carts, above their heads where the room is high enough.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+
+from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
+from sim_bridge.twin import TwinConfig
+from sim_bridge.twin.drone import TwinDrone
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import load_scene, scene_names
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.place import lab_of
+from uav_bt.campaign.planning import planned_scenes
+from uav_bt.display.video.video_file import VideoFile
+from uav_bt.errors import InputError
+from uav_bt.files import check_empty_folder, writing
+from uav_bt.lab.lab import SCENES_FOLDER, Lab
+from uav_bt.mission.covered_ground import CELL_M, GroundCells
+from uav_bt.protocols import Advance, silent
+from uav_bt.types import Command, GimbalTo, Land, Movement, TakeOff, Velocity
+from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.ground import Standing
+from uav_bt.types.pose import wrap_angle
+
+Point = tuple[float, float]
+
+TICK_S: Final = 0.1
+ROOM_M: Final = 0.55  # from the drone's centre to objects, movers and walls
+HEIGHT_M: Final = 1.5  # of the flight in a lab that states none
+ABOVE_M: Final = 2.4  # of the flight above people and carts
+CEILING_M: Final = 0.5  # from the drone to the ceiling
+OVER_MARK_M: Final = 0.8  # of the last views of the mark
+PITCHES_DEG: Final = (-12.0, -28.0, -45.0)  # of the camera, place by place
+TURN_RADPS: Final = 0.7
+REACHED_M: Final = 0.15
+GAIN: Final = 1.2  # 1/s, from distance to speed
+SPEED_MPS: Final = 0.6
+LEG_TIMEOUT_S: Final = 20.0
+LANDED_ON: Final = frozenset({"ground", "mark"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """A film of a scene."""
+
+    path: Path
+    seconds: float
+    touched: tuple[str, ...]  # what the drone touched in the air
+
+
+def film_lab(
+    lab: Lab,
+    folder: Path,
+    *,
+    scenes: Sequence[str] = (),
+    movers: int = 0,
+    places: int = 8,
+    image_size_px: tuple[int, int] = (1280, 720),
+    advance: Advance = silent,
+) -> Iterator[Film]:
+    """Film scenes of a lab in the twin, one MP4 file for each flight.
+
+    Args:
+        lab: The lab.
+        folder: A new or empty folder for the films.
+        scenes: Names, files or patterns; without any all scenes of the lab.
+        movers: Random movers of the second flight, where kinds of the lab move.
+        places: Places of each flight where the pilot turns.
+        image_size_px: Width and height of the films, 16:9.
+        advance: Told the scene, the places done and those in all.
+
+    Yields:
+        Each film when it is complete.
+
+    Raises:
+        InputError: A scene is of another lab or has no room, or the folder has files.
+    """
+    check_empty_folder(folder, "lab film")
+    planned = dict[Path, tuple[TwinDrone, FreeGround]]()
+    for stem, scene in _scenes(lab, scenes):
+        rounds = (0, movers) if movers and _has_moving_kinds(scene) else (0,)
+        for seed, count in enumerate(rounds):
+            path = folder / f"{stem}{'-movers' if count else ''}.mp4"
+            if path in planned:
+                raise InputError(f"two scenes are called '{stem}': film one after the other")
+            config = TwinConfig(scene=scene, seed=seed, image_size_px=image_size_px, movers=count)
+            drone = config.create()
+            height_m = _height_m(lab, scene, above=count > 0)
+            planned[path] = drone, FreeGround(drone.scene, height_m)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for path, (drone, ground) in planned.items():
+        yield _film(drone, ground, path, places, advance)
+
+
+def _scenes(lab: Lab, wanted: Sequence[str]) -> Iterator[tuple[str, Scene]]:
+    """Yield the file names and scenes that are asked for, else all of the lab."""
+    own = wanted or tuple(lab.scenes)
+    own = own or [name for name in scene_names() if load_scene(name).lab == lab.name]
+    if not own:
+        there = lab.folder / SCENES_FOLDER
+        raise InputError(f"the lab '{lab.name}' has no scene to film: add {there}/NAME.yaml")
+    options = FlightOptions(lab=lab)
+    for file in planned_scenes(own, options):
+        scene = load_scene(file.path)
+        lab_of(options, scene)  # refuses one of another lab
+        yield Path(file.path).stem, scene
+
+
+def _has_moving_kinds(scene: Scene) -> bool:
+    """Return whether movers can be drawn: a lab without kinds has printed ones."""
+    kinds = scene.room.objects.values()
+    return not kinds or any(kind.moves for kind in kinds)
+
+
+def _height_m(lab: Lab, scene: Scene, *, above: bool) -> float:
+    """Return the height of a flight, below the ceilings of the room and of the lab file."""
+    limits = lab.flight.limits
+    stated_m = math.inf if limits is None or limits.ceiling_m is None else limits.ceiling_m
+    wanted_m = ABOVE_M if above else lab.flight.flight_height_m or HEIGHT_M
+    return min(wanted_m, stated_m, scene.room_size_m[2] - CEILING_M)
+
+
+def _film(drone: TwinDrone, ground: FreeGround, path: Path, places: int, advance: Advance) -> Film:
+    """Fly through a scene and keep all frames; a flight that is stopped leaves no file."""
+    size_px = drone.camera.width_px, drone.camera.height_px
+    video = VideoFile(path, size_px=size_px, frames_per_s=Fraction(round(1 / TICK_S)))
+    try:
+        drone.connect()
+        pilot = Pilot(drone, video)
+        _fly_round(pilot, ground, drone.scene, places, partial(advance, path.stem))
+        return Film(path=path, seconds=drone.clock.now(), touched=tuple(sorted(pilot.touched)))
+    except BaseException:
+        video.discard()
+        raise
+    finally:
+        video.close()
+        drone.disconnect()
+
+
+def _fly_round(
+    pilot: Pilot,
+    ground: FreeGround,
+    scene: Scene,
+    count: int,
+    advance: Callable[[int, int], None],
+) -> None:
+    """Take off, turn at every place, film the mark from above, and land on it or at the start."""
+    start, height_m = pilot.place, ground.height_m
+    pilot.send(TakeOff(), then_s=4.0)
+    pilot.fly_to(start, height_m)
+    cell = ground.cell_near(start)
+    route = [ground.point(cell)]
+    pilot.fly_to(route[0], height_m)
+    for number in range(count):
+        advance(number, count + 1)
+        pilot.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
+        paths = ground.paths(cell)
+        cell = ground.farthest_cell(route, paths)
+        for hop in ground.hops(paths, cell):
+            pilot.fly_to(hop, height_m)
+        pilot.turn()
+        route.append(ground.point(cell))
+    advance(count, count + 1)
+    goal, mark_m = start, 0.0
+    if scene.helipad is not None:
+        goal, mark_m = scene.helipad.position_m, scene.helipad.size_m[2]
+    paths = ground.paths(cell)
+    for hop in ground.hops(paths, ground.cell_near(goal, paths)):
+        pilot.fly_to(hop, height_m)
+    low_m = min(height_m, mark_m + OVER_MARK_M)
+    for pitch_deg, over_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, low_m)):
+        pilot.point_camera(pitch_deg)
+        pilot.fly_to(goal, over_m)
+    pilot.send(Land(), then_s=3.0)
+    advance(count + 1, count + 1)
+
+
+class Pilot:
+    """A person who watches the drone and steers it by velocities; every frame is kept."""
+
+    def __init__(self, drone: TwinDrone, video: VideoFile) -> None:
+        self._drone, self._video, self._last = drone, video, -1
+        self.touched: set[str] = set()  # in the air
+
+    @property
+    def place(self) -> Point:
+        """Where the drone is in the drawing."""
+        motion = self._drone.simulation.motion
+        return motion.x_m, motion.y_m
+
+    def fly_to(self, point: Point, height_m: float) -> None:
+        """Fly straight to a place of the drawing, looking ahead."""
+        until_s = self._drone.clock.now() + LEG_TIMEOUT_S
+        while self._drone.clock.now() < until_s:
+            pose = self._drone.simulation.motion
+            east_m, north_m = point[0] - pose.x_m, point[1] - pose.y_m
+            up_m, away_m = height_m - pose.z_m, math.hypot(east_m, north_m)
+            if away_m < REACHED_M and abs(up_m) < REACHED_M:
+                break
+            off = wrap_angle(math.atan2(north_m, east_m) - pose.yaw_rad) if away_m > 0.4 else 0.0
+            pace = min(SPEED_MPS, GAIN * away_m) / max(away_m, 1e-6)
+            pace = 0.0 if abs(off) > 0.6 else pace  # turns first
+            cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+            self.send(
+                Velocity(
+                    forward_mps=pace * (cos * east_m + sin * north_m),
+                    right_mps=pace * (sin * east_m - cos * north_m),
+                    down_mps=-GAIN * up_m,
+                    yaw_rate_radps=-GAIN * off,
+                )
+            )
+        self.send(None, then_s=0.3 - TICK_S)
+
+    def turn(self) -> None:
+        """Turn once around."""
+        for _ in range(round(2.0 * math.pi / TURN_RADPS / TICK_S)):
+            self.send(Velocity(yaw_rate_radps=TURN_RADPS))
+
+    def point_camera(self, pitch_deg: float) -> None:
+        """Point the camera and wait until it has moved."""
+        self.send(Velocity(), GimbalTo(pitch_rad=math.radians(pitch_deg)), then_s=0.5)
+
+    def send(
+        self, movement: Movement | None, gimbal: GimbalTo | None = None, then_s: float = 0.0
+    ) -> None:
+        """Send a command, and wait; keep the frames."""
+        for tick in range(1 + round(then_s / TICK_S)):
+            frame = self._drone.observe().frame
+            if frame is not None and frame.index != self._last:
+                self._video.write(frame.image, round(frame.captured_s / TICK_S))
+                self._last = frame.index
+            if movement is not None and tick == 0:
+                self._drone.send(Command(movement=movement, gimbal=gimbal))
+            self._drone.clock.sleep_until(self._drone.clock.now() + TICK_S)
+            self.touched.update(set(self._drone.simulation.contacts()) - LANDED_ON)
+
+
+class FreeGround:
+    """Where a drone has room in a scene at a height, in cells of 5 cm."""
+
+    def __init__(self, scene: Scene, height_m: float) -> None:
+        self.height_m = height_m
+        solid = [
+            Standing(footprint=block.footprint, height_m=block.top_m)
+            for item in scene.placed
+            for block in item.standing.blocks
+            if block.base_m - ROOM_M < height_m < block.top_m + ROOM_M
+        ]
+        self._cells = GroundCells(replace(scene.ground, standing=tuple(solid)))
+        inside = np.pad(self._cells.free, 1).astype(np.uint8)  # beyond the edge there is no room
+        away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        self._free = np.asarray(away * CELL_M > ROOM_M)
+        for mover in scene.movers:
+            if height_m < mover.size_m[2] + ROOM_M:
+                for cell in map(tuple, np.argwhere(self._free).tolist()):
+                    self._free[cell] = mover.distance_m(*self.point(cell)) > ROOM_M
+        if not self._free.any():
+            raise InputError(
+                f"scene '{scene.name}' has no room to film at {height_m:g} m: a place must be "
+                f"{ROOM_M:g} m away from objects, paths of movers, and the edge of the ground"
+            )
+
+    def point(self, cell: Cell) -> Point:
+        """Return the middle of a cell in the drawing."""
+        return float(self._cells.x_m[cell[1]]), float(self._cells.y_m[cell[0]])
+
+    def paths(self, begin: Cell) -> FastestPaths:
+        """Return the shortest paths from a free cell to all others."""
+        return fastest_paths(self._free, np.ones(self._free.shape), begin)
+
+    def cell_near(self, point: Point, paths: FastestPaths | None = None) -> Cell:
+        """Return the free cell nearest to a place, among those that paths lead to."""
+        away_m = self._away_m(point)
+        return _first(np.where(self._reached(paths), -away_m, -np.inf))
+
+    def farthest_cell(self, places: Sequence[Point], paths: FastestPaths) -> Cell:
+        """Return the cell farthest from all places, among those that paths lead to."""
+        away_m = np.min([self._away_m(place) for place in places], axis=0)
+        return _first(np.where(self._reached(paths), away_m, -np.inf))
+
+    def hops(self, paths: FastestPaths, end: Cell) -> Iterator[Point]:
+        """Yield the ends of the straight legs of the path to a cell."""
+        path, at = paths.to(end), 0
+        while at < len(path) - 1:
+            ahead = range(len(path) - 1, at + 1, -1)
+            at = next((n for n in ahead if self._is_straight(path[at], path[n])), at + 1)
+            yield self.point(path[at])
+
+    def _is_straight(self, begin: Cell, end: Cell) -> bool:
+        """Return whether a straight leg stays on free cells."""
+        count = 2 + 2 * round(math.dist(begin, end))
+        rows, columns = np.rint(np.linspace(begin, end, count)).astype(int).T
+        return bool(self._free[rows, columns].all())
+
+    def _away_m(self, point: Point) -> Floats:
+        return np.asarray(np.hypot(*np.moveaxis(self._cells.middles_m - point, -1, 0)))
+
+    def _reached(self, paths: FastestPaths | None) -> Flags:
+        return self._free if paths is None else np.isfinite(paths.time_s)
+
+
+def _first(worth: Floats) -> Cell:
+    """Return the first cell of the highest worth."""
+    row, column = divmod(int(np.argmax(worth)), worth.shape[1])
+    return row, column
