@@ -71,10 +71,14 @@ def film(
     how: dict[str, Any] = {"scenes": scenes, "movers": movers, "places": places}
     with progress_bars() as advance:
         films = film_lab(found, folder, image_size_px=image_size_px, advance=advance, **how)
+        moved = False
         for each in films:
+            moved = moved or each.movers > 0
             click.echo(f"{each.path}: {each.seconds:.0f} s")
             if each.touched:
                 click.echo(f"Warning: the drone touched {', '.join(each.touched)}", err=True)
+    if movers and not moved:
+        click.echo(f"without movers: no kind of object of the lab '{found.name}' moves")
     click.echo(f"next: uav-bt lab frames {lab} {folder}")
 
 

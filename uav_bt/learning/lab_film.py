@@ -8,7 +8,7 @@ movers a second flight films people and carts, above their heads where the room 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -33,7 +33,7 @@ from uav_bt.lab.lab import SCENES_FOLDER, Lab
 from uav_bt.mission.covered_ground import CELL_M, GroundCells
 from uav_bt.protocols import Advance, silent
 from uav_bt.types import Command, GimbalTo, Land, Movement, TakeOff, Velocity
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Floats
 from uav_bt.types.ground import Standing
 from uav_bt.types.pose import wrap_angle
 
@@ -60,6 +60,7 @@ class Film:
 
     path: Path
     seconds: float
+    movers: int
     touched: tuple[str, ...]  # what the drone touched in the air
 
 
@@ -130,8 +131,7 @@ def _has_moving_kinds(scene: Scene) -> bool:
 
 def _height_m(lab: Lab, scene: Scene, *, above: bool) -> float:
     """Return the height of a flight, below the ceilings of the room and of the lab file."""
-    limits = lab.flight.limits
-    stated_m = math.inf if limits is None or limits.ceiling_m is None else limits.ceiling_m
+    stated_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
     wanted_m = ABOVE_M if above else lab.flight.flight_height_m or HEIGHT_M
     return min(wanted_m, stated_m, scene.room_size_m[2] - CEILING_M)
 
@@ -144,7 +144,12 @@ def _film(drone: TwinDrone, ground: FreeGround, path: Path, places: int, advance
         drone.connect()
         pilot = Pilot(drone, video)
         _fly_round(pilot, ground, drone.scene, places, partial(advance, path.stem))
-        return Film(path=path, seconds=drone.clock.now(), touched=tuple(sorted(pilot.touched)))
+        return Film(
+            path=path,
+            seconds=drone.clock.now(),
+            movers=len(drone.scene.movers),
+            touched=tuple(sorted(pilot.touched)),
+        )
     except BaseException:
         video.discard()
         raise
@@ -162,6 +167,10 @@ def _fly_round(
 ) -> None:
     """Take off, turn at every place, film the mark from above, and land on it or at the start."""
     start, height_m = pilot.place, ground.height_m
+    goal, mark_m = start, 0.0
+    if scene.helipad is not None:
+        goal, mark_m = scene.helipad.position_m, scene.helipad.size_m[2]
+    low_m = min(height_m, mark_m + OVER_MARK_M)
     pilot.send(TakeOff(), then_s=4.0)
     pilot.fly_to(start, height_m)
     cell = ground.cell_near(start)
@@ -170,23 +179,17 @@ def _fly_round(
     for number in range(count):
         advance(number, count + 1)
         pilot.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
-        paths = ground.paths(cell)
-        cell = ground.farthest_cell(route, paths)
-        for hop in ground.hops(paths, cell):
-            pilot.fly_to(hop, height_m)
+        begin, cell = cell, ground.farthest_cell(cell, route)
+        pilot.follow(ground.hops(begin, cell), height_m)
         pilot.turn()
         route.append(ground.point(cell))
-    advance(count, count + 1)
-    goal, mark_m = start, 0.0
-    if scene.helipad is not None:
-        goal, mark_m = scene.helipad.position_m, scene.helipad.size_m[2]
-    paths = ground.paths(cell)
-    for hop in ground.hops(paths, ground.cell_near(goal, paths)):
-        pilot.fly_to(hop, height_m)
-    low_m = min(height_m, mark_m + OVER_MARK_M)
-    for pitch_deg, over_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, low_m)):
-        pilot.point_camera(pitch_deg)
-        pilot.fly_to(goal, over_m)
+        # Early, too: `lab frames` keeps the end and the middle of a video for checks.
+        if number in {(count - 1) // 4, count - 1}:
+            begin, cell = cell, ground.cell_near(goal, cell)
+            pilot.follow(ground.hops(begin, cell), height_m)
+            for pitch_deg, over_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, low_m)):
+                pilot.point_camera(pitch_deg)
+                pilot.fly_to(goal, over_m)
     pilot.send(Land(), then_s=3.0)
     advance(count + 1, count + 1)
 
@@ -226,6 +229,12 @@ class Pilot:
                 )
             )
         self.send(None, then_s=0.3 - TICK_S)
+
+    def follow(self, hops: Iterable[Point], height_m: float) -> None:
+        """Climb to a height and fly to places one after the other."""
+        self.fly_to(self.place, height_m)
+        for hop in hops:
+            self.fly_to(hop, height_m)
 
     def turn(self) -> None:
         """Turn once around."""
@@ -268,8 +277,9 @@ class FreeGround:
         self._free = np.asarray(away * CELL_M > ROOM_M)
         for mover in scene.movers:
             if height_m < mover.size_m[2] + ROOM_M:
-                for cell in map(tuple, np.argwhere(self._free).tolist()):
-                    self._free[cell] = mover.distance_m(*self.point(cell)) > ROOM_M
+                for row, column in np.argwhere(self._free).tolist():
+                    at_m = self.point((row, column))
+                    self._free[row, column] = mover.distance_m(*at_m) > ROOM_M
         if not self._free.any():
             raise InputError(
                 f"scene '{scene.name}' has no room to film at {height_m:g} m: a place must be "
@@ -280,27 +290,27 @@ class FreeGround:
         """Return the middle of a cell in the drawing."""
         return float(self._cells.x_m[cell[1]]), float(self._cells.y_m[cell[0]])
 
-    def paths(self, begin: Cell) -> FastestPaths:
-        """Return the shortest paths from a free cell to all others."""
-        return fastest_paths(self._free, np.ones(self._free.shape), begin)
+    def cell_near(self, point: Point, begin: Cell | None = None) -> Cell:
+        """Return the free cell nearest to a place, among those that paths from a cell lead to."""
+        reached = self._free if begin is None else np.isfinite(self._paths(begin).time_s)
+        return _first(np.where(reached, -self._away_m(point), -np.inf))
 
-    def cell_near(self, point: Point, paths: FastestPaths | None = None) -> Cell:
-        """Return the free cell nearest to a place, among those that paths lead to."""
-        away_m = self._away_m(point)
-        return _first(np.where(self._reached(paths), -away_m, -np.inf))
-
-    def farthest_cell(self, places: Sequence[Point], paths: FastestPaths) -> Cell:
-        """Return the cell farthest from all places, among those that paths lead to."""
+    def farthest_cell(self, begin: Cell, places: Sequence[Point]) -> Cell:
+        """Return the cell farthest from all places, among those that paths from a cell lead to."""
         away_m = np.min([self._away_m(place) for place in places], axis=0)
-        return _first(np.where(self._reached(paths), away_m, -np.inf))
+        return _first(np.where(np.isfinite(self._paths(begin).time_s), away_m, -np.inf))
 
-    def hops(self, paths: FastestPaths, end: Cell) -> Iterator[Point]:
-        """Yield the ends of the straight legs of the path to a cell."""
-        path, at = paths.to(end), 0
+    def hops(self, begin: Cell, end: Cell) -> Iterator[Point]:
+        """Yield the corners of the shortest path between two cells, both included."""
+        path, at = self._paths(begin).to(end), 0
+        yield self.point(begin)
         while at < len(path) - 1:
             ahead = range(len(path) - 1, at + 1, -1)
             at = next((n for n in ahead if self._is_straight(path[at], path[n])), at + 1)
             yield self.point(path[at])
+
+    def _paths(self, begin: Cell) -> FastestPaths:
+        return fastest_paths(self._free, np.ones(self._free.shape), begin)
 
     def _is_straight(self, begin: Cell, end: Cell) -> bool:
         """Return whether a straight leg stays on free cells."""
@@ -310,9 +320,6 @@ class FreeGround:
 
     def _away_m(self, point: Point) -> Floats:
         return np.asarray(np.hypot(*np.moveaxis(self._cells.middles_m - point, -1, 0)))
-
-    def _reached(self, paths: FastestPaths | None) -> Flags:
-        return self._free if paths is None else np.isfinite(paths.time_s)
 
 
 def _first(worth: Floats) -> Cell:
