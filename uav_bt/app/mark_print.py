@@ -89,9 +89,8 @@ def _pages(mark: LandingMark, sheet: str | None) -> list[Page]:
     """Return the page of a mark, or the sheets with its parts from the upper left."""
     top_mm = 1000.0 * mark.length_m, 1000.0 * mark.width_m
     upright = SHEETS_MM[sheet or "a4"]
-    columns, rows, size_mm = min(
-        (*_counts(top_mm, size_mm), size_mm) for size_mm in (upright, upright[::-1])
-    )
+    size_mm = min(upright, upright[::-1], key=lambda size_mm: math.prod(_counts(top_mm, size_mm)))
+    columns, rows = _counts(top_mm, size_mm)
     if sheet is None and columns * rows > 1:
         columns = rows = 1
         size_mm = max(top_mm[0] + 2 * _END_MM, upright[0]), top_mm[1] + 2 * _END_MM
@@ -118,11 +117,12 @@ def _counts(top_mm: Sequence[float], size_mm: Sequence[float]) -> tuple[int, int
 
 def _described(mark: LandingMark, finder: object) -> str:
     tags = finder.board.tags if isinstance(finder, TagFinder) else ()
-    family = f" {mark.options['family']}" if "family" in mark.options else ""
-    each = [f"tag {tag.id} of {tag.size_m:g} m" for tag in tags[:4]]
-    more = [f"{len(tags) - 4} more"] if len(tags) > 4 else []
-    top = f"top {mark.length_m:g} x {mark.width_m:g} m"
-    return ", ".join([f"{mark.kind}{family}", *each, *more, top])
+    what = [" ".join([mark.kind, *filter(None, [mark.options.get("family")])])]
+    if tags:
+        what.append(f"tag {tags[0].id} of {tags[0].size_m:g} m")
+    if len(tags) > 1:
+        what[-1] = f"{len(tags)} tags"
+    return ", ".join([*what, f"top {mark.length_m:g} x {mark.width_m:g} m"])
 
 
 def _draw(page: Page, mark: LandingMark, finder: Any, words: str) -> Figure:
@@ -142,11 +142,12 @@ def _draw(page: Page, mark: LandingMark, finder: Any, words: str) -> Figure:
             _line(axes, (x, x), (y + out_y, y + 4.0 * out_y))
             _line(axes, (x + out_x, x + 4.0 * out_x), (y, y))
     middle, upper = left + width_mm / 2, low + height_mm
-    axes.text(middle, upper - 10.0, "\N{UPWARDS ARROW} upper edge", ha="center", va="top")
-    note = f"{page.note}. Cut at the marks. " if page.note else ""
-    cure = "Print at 100 %: the bar is 10 cm long."
+    note = f"; {page.note}: cut at the marks" if page.note else ""
+    head = f"\N{UPWARDS ARROW} upper edge of {words}{note}"
+    axes.text(middle, upper - 8.5, head, ha="center", va="center")
+    cure = "Print at 100 %: this bar is 10 cm long."
+    axes.text(middle, low + 8.5, cure, ha="center", va="center")
     begin = middle - BAR_MM / 2
-    axes.text(middle, low + 8.5, f"{words}. {note}{cure}", ha="center", va="center")
     _line(axes, (begin, begin + BAR_MM), (low + 5.5, low + 5.5))
     for x in (begin, begin + BAR_MM):
         _line(axes, (x, x), (low + 4.5, low + 6.5))

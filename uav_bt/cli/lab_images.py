@@ -67,17 +67,20 @@ def film(
     from uav_bt.learning.lab_film import film_lab  # noqa: PLC0415  (MuJoCo takes long to import)
 
     found = load_lab(lab)
-    folder = out or RUNS / f"{found.name}-video"
-    how: dict[str, Any] = {"scenes": scenes, "movers": movers, "places": places}
+    folder, films = out or RUNS / f"{found.name}-video", list[Path]()
     with progress_bars() as advance:
-        films = film_lab(found, folder, image_size_px=image_size_px, advance=advance, **how)
-        moved = False
-        for each in films:
-            moved = moved or each.movers > 0
-            click.echo(f"{each.path}: {each.seconds:.0f} s")
-            if each.touched:
-                click.echo(f"Warning: the drone touched {', '.join(each.touched)}", err=True)
-    if movers and not moved:
+        for path in film_lab(
+            found,
+            folder,
+            scenes=scenes,
+            movers=movers,
+            places=places,
+            image_size_px=image_size_px,
+            advance=advance,
+        ):
+            click.echo(f"written: {path}")
+            films.append(path)
+    if movers and not any(path.stem.endswith("-movers") for path in films):
         click.echo(f"without movers: no kind of object of the lab '{found.name}' moves")
     click.echo(f"next: uav-bt lab frames {lab} {folder}")
 

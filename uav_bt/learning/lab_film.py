@@ -8,8 +8,8 @@ movers a second flight films people and carts, above their heads where the room 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
+from behaviours.path.fastest import Cell, fastest_paths
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.scene import Scene
@@ -51,17 +51,6 @@ REACHED_M: Final = 0.15
 GAIN: Final = 1.2  # 1/s, from distance to speed
 SPEED_MPS: Final = 0.6
 LEG_TIMEOUT_S: Final = 20.0
-LANDED_ON: Final = frozenset({"ground", "mark"})
-
-
-@dataclass(frozen=True, kw_only=True)
-class Film:
-    """A film of a scene."""
-
-    path: Path
-    seconds: float
-    movers: int
-    touched: tuple[str, ...]  # what the drone touched in the air
 
 
 def film_lab(
@@ -73,125 +62,47 @@ def film_lab(
     places: int = 8,
     image_size_px: tuple[int, int] = (1280, 720),
     advance: Advance = silent,
-) -> Iterator[Film]:
-    """Film scenes of a lab in the twin, one MP4 file for each flight.
-
-    Args:
-        lab: The lab.
-        folder: A new or empty folder for the films.
-        scenes: Names, files or patterns; without any all scenes of the lab.
-        movers: Random movers of the second flight, where kinds of the lab move.
-        places: Places of each flight where the pilot turns.
-        image_size_px: Width and height of the films, 16:9.
-        advance: Told the scene, the places done and those in all.
-
-    Yields:
-        Each film when it is complete.
-
-    Raises:
-        InputError: A scene is of another lab or has no room, or the folder has files.
-    """
+) -> Iterator[Path]:
+    """Film scenes of a lab, by default all, and yield each video when it is complete."""
     check_empty_folder(folder, "lab film")
-    planned = dict[Path, tuple[TwinDrone, FreeGround]]()
-    for stem, scene in _scenes(lab, scenes):
-        rounds = (0, movers) if movers and _has_moving_kinds(scene) else (0,)
-        for seed, count in enumerate(rounds):
-            path = folder / f"{stem}{'-movers' if count else ''}.mp4"
-            if path in planned:
-                raise InputError(f"two scenes are called '{stem}': film one after the other")
-            config = TwinConfig(scene=scene, seed=seed, image_size_px=image_size_px, movers=count)
-            drone = config.create()
-            height_m = _height_m(lab, scene, above=count > 0)
-            planned[path] = drone, FreeGround(drone.scene, height_m)
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    for path, (drone, ground) in planned.items():
-        yield _film(drone, ground, path, places, advance)
-
-
-def _scenes(lab: Lab, wanted: Sequence[str]) -> Iterator[tuple[str, Scene]]:
-    """Yield the file names and scenes that are asked for, else all of the lab."""
-    own = wanted or tuple(lab.scenes)
-    own = own or [name for name in scene_names() if load_scene(name).lab == lab.name]
-    if not own:
-        there = lab.folder / SCENES_FOLDER
-        raise InputError(f"the lab '{lab.name}' has no scene to film: add {there}/NAME.yaml")
-    options = FlightOptions(lab=lab)
-    for file in planned_scenes(own, options):
+    options, rounds = FlightOptions(lab=lab), dict[Path, tuple[TwinDrone, FreeGround]]()
+    ceiling_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
+    for file in planned_scenes(scenes or _scenes_of(lab), options):
         scene = load_scene(file.path)
         lab_of(options, scene)  # refuses one of another lab
-        yield Path(file.path).stem, scene
+        kinds = scene.room.objects.values()  # a lab without any has printed movers
+        moves = movers > 0 and (not kinds or any(kind.moves for kind in kinds))
+        for count in (0, movers) if moves else (0,):
+            config = TwinConfig(scene=scene, seed=count, image_size_px=image_size_px, movers=count)
+            drone = config.create()
+            height_m = ABOVE_M if count else lab.flight.flight_height_m or HEIGHT_M
+            height_m = min(height_m, ceiling_m, scene.room_size_m[2] - CEILING_M)
+            path = folder / f"{Path(file.path).stem}{'-movers' if count else ''}.mp4"
+            rounds[path] = drone, FreeGround(drone.scene, height_m)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for path, (drone, ground) in rounds.items():
+        video = VideoFile(path, size_px=image_size_px, frames_per_s=Fraction(round(1 / TICK_S)))
+        try:
+            drone.connect()
+            Pilot(drone, video).fly_round(ground, places, partial(advance, path.stem))
+        except BaseException:
+            video.discard()
+            raise
+        finally:
+            video.close()
+            drone.disconnect()
+        yield path
 
 
-def _has_moving_kinds(scene: Scene) -> bool:
-    """Return whether movers can be drawn: a lab without kinds has printed ones."""
-    kinds = scene.room.objects.values()
-    return not kinds or any(kind.moves for kind in kinds)
-
-
-def _height_m(lab: Lab, scene: Scene, *, above: bool) -> float:
-    """Return the height of a flight, below the ceilings of the room and of the lab file."""
-    stated_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
-    wanted_m = ABOVE_M if above else lab.flight.flight_height_m or HEIGHT_M
-    return min(wanted_m, stated_m, scene.room_size_m[2] - CEILING_M)
-
-
-def _film(drone: TwinDrone, ground: FreeGround, path: Path, places: int, advance: Advance) -> Film:
-    """Fly through a scene and keep all frames; a flight that is stopped leaves no file."""
-    size_px = drone.camera.width_px, drone.camera.height_px
-    video = VideoFile(path, size_px=size_px, frames_per_s=Fraction(round(1 / TICK_S)))
-    try:
-        drone.connect()
-        pilot = Pilot(drone, video)
-        _fly_round(pilot, ground, drone.scene, places, partial(advance, path.stem))
-        return Film(
-            path=path,
-            seconds=drone.clock.now(),
-            movers=len(drone.scene.movers),
-            touched=tuple(sorted(pilot.touched)),
-        )
-    except BaseException:
-        video.discard()
-        raise
-    finally:
-        video.close()
-        drone.disconnect()
-
-
-def _fly_round(
-    pilot: Pilot,
-    ground: FreeGround,
-    scene: Scene,
-    count: int,
-    advance: Callable[[int, int], None],
-) -> None:
-    """Take off, turn at every place, film the mark from above, and land on it or at the start."""
-    start, height_m = pilot.place, ground.height_m
-    goal, mark_m = start, 0.0
-    if scene.helipad is not None:
-        goal, mark_m = scene.helipad.position_m, scene.helipad.size_m[2]
-    low_m = min(height_m, mark_m + OVER_MARK_M)
-    pilot.send(TakeOff(), then_s=4.0)
-    pilot.fly_to(start, height_m)
-    cell = ground.cell_near(start)
-    route = [ground.point(cell)]
-    pilot.fly_to(route[0], height_m)
-    for number in range(count):
-        advance(number, count + 1)
-        pilot.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
-        begin, cell = cell, ground.farthest_cell(cell, route)
-        pilot.follow(ground.hops(begin, cell), height_m)
-        pilot.turn()
-        route.append(ground.point(cell))
-        # Early, too: `lab frames` keeps the end and the middle of a video for checks.
-        if number in {(count - 1) // 4, count - 1}:
-            begin, cell = cell, ground.cell_near(goal, cell)
-            pilot.follow(ground.hops(begin, cell), height_m)
-            for pitch_deg, over_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, low_m)):
-                pilot.point_camera(pitch_deg)
-                pilot.fly_to(goal, over_m)
-    pilot.send(Land(), then_s=3.0)
-    advance(count + 1, count + 1)
+def _scenes_of(lab: Lab) -> Sequence[str]:
+    """Return the scenes of a lab, of which the paper's have a folder of their own."""
+    shipped = (name for name in scene_names() if load_scene(name).lab == lab.name)
+    found = tuple(lab.scenes) or tuple(shipped)
+    if not found:
+        there = lab.folder / SCENES_FOLDER
+        raise InputError(f"the lab '{lab.name}' has no scene to film: add {there}/NAME.yaml")
+    return found
 
 
 class Pilot:
@@ -199,13 +110,42 @@ class Pilot:
 
     def __init__(self, drone: TwinDrone, video: VideoFile) -> None:
         self._drone, self._video, self._last = drone, video, -1
-        self.touched: set[str] = set()  # in the air
 
-    @property
-    def place(self) -> Point:
-        """Where the drone is in the drawing."""
-        motion = self._drone.simulation.motion
-        return motion.x_m, motion.y_m
+    def fly_round(
+        self, ground: FreeGround, count: int, advance: Callable[[int, int], None]
+    ) -> None:
+        """Take off, turn at every place, film the mark from above, and land on it or at the start.
+
+        Without a mark the place of the take-off counts as one.
+        """
+        motion, pads = self._drone.simulation.motion, self._drone.scene.pads
+        start, height_m = (motion.x_m, motion.y_m), ground.height_m
+        goal, top_m = (pads[0].position_m, pads[0].size_m[2]) if pads else (start, 0.0)
+        self.send(TakeOff(), then_s=4.0)
+        self.fly_to(start, height_m)
+        cell, route = ground.cell_near(start), [start]
+        for number in range(count):
+            advance(number, count)
+            self.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
+            begin, cell = cell, ground.farthest_cell(cell, route)
+            self._follow(ground, begin, cell)
+            self.turn()
+            route.append(ground.point(cell))
+            # Early, too: `lab frames` keeps the middle and the end of a video for checks.
+            if number in {(count - 1) // 4, count - 1}:
+                begin, cell = cell, ground.cell_near(goal, cell)
+                self._follow(ground, begin, cell)
+                low_m = min(height_m, top_m + OVER_MARK_M)
+                for pitch_deg, over_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, low_m)):
+                    self.point_camera(pitch_deg)
+                    self.fly_to(goal, over_m)
+                self.fly_to(goal, height_m)
+        self.send(Land(), then_s=4.0)
+        advance(count, count)
+
+    def _follow(self, ground: FreeGround, begin: Cell, end: Cell) -> None:
+        for corner in ground.way(begin, end):
+            self.fly_to(corner, ground.height_m)
 
     def fly_to(self, point: Point, height_m: float) -> None:
         """Fly straight to a place of the drawing, looking ahead."""
@@ -230,12 +170,6 @@ class Pilot:
             )
         self.send(None, then_s=0.3 - TICK_S)
 
-    def follow(self, hops: Iterable[Point], height_m: float) -> None:
-        """Climb to a height and fly to places one after the other."""
-        self.fly_to(self.place, height_m)
-        for hop in hops:
-            self.fly_to(hop, height_m)
-
     def turn(self) -> None:
         """Turn once around."""
         for _ in range(round(2.0 * math.pi / TURN_RADPS / TICK_S)):
@@ -257,7 +191,6 @@ class Pilot:
             if movement is not None and tick == 0:
                 self._drone.send(Command(movement=movement, gimbal=gimbal))
             self._drone.clock.sleep_until(self._drone.clock.now() + TICK_S)
-            self.touched.update(set(self._drone.simulation.contacts()) - LANDED_ON)
 
 
 class FreeGround:
@@ -275,6 +208,7 @@ class FreeGround:
         inside = np.pad(self._cells.free, 1).astype(np.uint8)  # beyond the edge there is no room
         away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
         self._free = np.asarray(away * CELL_M > ROOM_M)
+        self._ones = np.ones(self._free.shape)
         for mover in scene.movers:
             if height_m < mover.size_m[2] + ROOM_M:
                 for row, column in np.argwhere(self._free).tolist():
@@ -291,26 +225,21 @@ class FreeGround:
         return float(self._cells.x_m[cell[1]]), float(self._cells.y_m[cell[0]])
 
     def cell_near(self, point: Point, begin: Cell | None = None) -> Cell:
-        """Return the free cell nearest to a place, among those that paths from a cell lead to."""
-        reached = self._free if begin is None else np.isfinite(self._paths(begin).time_s)
-        return _first(np.where(reached, -self._away_m(point), -np.inf))
+        """Return the free cell nearest to a place, among those that a cell is connected with."""
+        return self._best(-self._away_m(point), begin)
 
     def farthest_cell(self, begin: Cell, places: Sequence[Point]) -> Cell:
-        """Return the cell farthest from all places, among those that paths from a cell lead to."""
-        away_m = np.min([self._away_m(place) for place in places], axis=0)
-        return _first(np.where(np.isfinite(self._paths(begin).time_s), away_m, -np.inf))
+        """Return the cell farthest from all places, among those that a cell is connected with."""
+        return self._best(np.min([self._away_m(place) for place in places], axis=0), begin)
 
-    def hops(self, begin: Cell, end: Cell) -> Iterator[Point]:
+    def way(self, begin: Cell, end: Cell) -> Iterator[Point]:
         """Yield the corners of the shortest path between two cells, both included."""
-        path, at = self._paths(begin).to(end), 0
+        path, at = fastest_paths(self._free, self._ones, begin).to(end), 0
         yield self.point(begin)
         while at < len(path) - 1:
             ahead = range(len(path) - 1, at + 1, -1)
             at = next((n for n in ahead if self._is_straight(path[at], path[n])), at + 1)
             yield self.point(path[at])
-
-    def _paths(self, begin: Cell) -> FastestPaths:
-        return fastest_paths(self._free, np.ones(self._free.shape), begin)
 
     def _is_straight(self, begin: Cell, end: Cell) -> bool:
         """Return whether a straight leg stays on free cells."""
@@ -321,8 +250,9 @@ class FreeGround:
     def _away_m(self, point: Point) -> Floats:
         return np.asarray(np.hypot(*np.moveaxis(self._cells.middles_m - point, -1, 0)))
 
-
-def _first(worth: Floats) -> Cell:
-    """Return the first cell of the highest worth."""
-    row, column = divmod(int(np.argmax(worth)), worth.shape[1])
-    return row, column
+    def _best(self, worth: Floats, begin: Cell | None) -> Cell:
+        free = self._free
+        if begin is not None:
+            free = np.isfinite(fastest_paths(free, self._ones, begin).time_s)
+        row, column = divmod(int(np.argmax(np.where(free, worth, -np.inf))), worth.shape[1])
+        return row, column
