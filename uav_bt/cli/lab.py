@@ -156,9 +156,8 @@ def print_mark(
     if found.mark is None:
         raise InputError(f"{found.file} states no landing mark: add the key 'mark'")
     path = out or Path(f"{found.name}-mark.pdf")
-    pages = mark_print.print_mark(found.mark, found.name, path, sheet=sheet)
-    size = "{:g} x {:g} mm".format(*pages[0].size_mm)
-    click.echo(f"written: {path} ({len(pages)} page{'s'[: len(pages) - 1]} of {size})")
+    pages, size_mm = mark_print.print_mark(found.mark, found.name, path, sheet=sheet)
+    click.echo(f"written: {path}; pages: {pages} of " + "{:g} x {:g} mm".format(*size_mm))
 
 
 @command()

@@ -53,8 +53,7 @@ def film(
 
     LAB is the lab, as --lab takes it; a lab of yours needs a scene. In each scene a pilot flies
     through the free ground, turns once at every place with another pitch of the camera, and films
-    the landing mark from above. Each flight becomes a video, which `uav-bt lab frames` reads; half
-    a minute of it takes about a minute.
+    the landing mark from above. Each flight becomes a video, which `uav-bt lab frames` reads.
 
     Options:
         scenes: Scenes by name, file or pattern, with commas between. Repeatable; default: all of
@@ -67,17 +66,10 @@ def film(
     from uav_bt.learning.lab_film import film_lab  # noqa: PLC0415  (MuJoCo takes long to import)
 
     found = load_lab(lab)
+    how: dict[str, Any] = {"scenes": scenes, "movers": movers, "places": places}
     folder, films = out or RUNS / f"{found.name}-video", list[Path]()
     with progress_bars() as advance:
-        for path in film_lab(
-            found,
-            folder,
-            scenes=scenes,
-            movers=movers,
-            places=places,
-            image_size_px=image_size_px,
-            advance=advance,
-        ):
+        for path in film_lab(found, folder, image_size_px=image_size_px, advance=advance, **how):
             click.echo(f"written: {path}")
             films.append(path)
     if movers and not any(path.stem.endswith("-movers") for path in films):
