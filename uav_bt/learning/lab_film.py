@@ -41,6 +41,7 @@ Point = tuple[float, float]
 
 TICK_S: Final = 0.1
 ROOM_M: Final = 0.55  # from the drone's centre to objects, movers and walls
+WIDE_M: Final = 1.2  # room from which a turn shows most
 HEIGHT_M: Final = 1.5  # of the flight in a lab that states none
 ABOVE_M: Final = 2.4  # of the flight above people and carts
 CEILING_M: Final = 0.5  # from the drone to the ceiling
@@ -207,7 +208,8 @@ class FreeGround:
         self._cells = GroundCells(replace(scene.ground, standing=tuple(solid)))
         inside = np.pad(self._cells.free, 1).astype(np.uint8)  # beyond the edge there is no room
         away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-        self._free = np.asarray(away * CELL_M > ROOM_M)
+        self._room_m = np.asarray(away, dtype=np.float64) * CELL_M
+        self._free = self._room_m > ROOM_M
         self._ones = np.ones(self._free.shape)
         for mover in scene.movers:
             if height_m < mover.size_m[2] + ROOM_M:
@@ -229,8 +231,12 @@ class FreeGround:
         return self._best(-self._away_m(point), begin)
 
     def farthest_cell(self, begin: Cell, places: Sequence[Point]) -> Cell:
-        """Return the cell farthest from all places, among those that a cell is connected with."""
-        return self._best(np.min([self._away_m(place) for place in places], axis=0), begin)
+        """Return the cell farthest from all places, among those that a cell is connected with.
+
+        Room counts twice up to a distance, as a corner shows little but its walls.
+        """
+        away_m = np.min([self._away_m(place) for place in places], axis=0)
+        return self._best(away_m + 2.0 * np.minimum(self._room_m, WIDE_M), begin)
 
     def way(self, begin: Cell, end: Cell) -> Iterator[Point]:
         """Yield the corners of the shortest path between two cells, both included."""
