@@ -243,10 +243,7 @@ def shrink(
         images = ", with images" if drone == _TWIN else ""
         click.echo(f"command to repeat it, drone {drone}{images}:\n  {repeat}")
     if others:
-        click.echo(
-            f"failed, too, and not reduced: {others} of these flights; --tree, --scene and --seed "
-            "choose another, and `uav-bt report` lists them"
-        )
+        click.echo(f"failed, too, and not reduced: {others}; --tree, --scene and --seed choose one")
     if not twin:
         return True
     ending = small.fly(_TWIN)

@@ -29,7 +29,7 @@ from uav_bt.campaign.planning import planned_scenes
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import check_empty_folder, writing
-from uav_bt.lab.lab import SCENES_FOLDER, Lab
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.covered_ground import CELL_M, GroundCells
 from uav_bt.protocols import Advance, silent
 from uav_bt.types import Command, GimbalTo, Land, Movement, TakeOff, Velocity
@@ -68,7 +68,8 @@ def film_lab(
     check_empty_folder(folder, "lab film")
     options, rounds = FlightOptions(lab=lab), dict[Path, tuple[TwinDrone, FreeGround]]()
     ceiling_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
-    for file in planned_scenes(scenes or _scenes_of(lab), options):
+    own = tuple(lab.scenes) or [each for each in scene_names() if load_scene(each).lab == lab.name]
+    for file in planned_scenes(scenes or own or None, options):
         scene = load_scene(file.path)
         lab_of(options, scene)  # refuses one of another lab
         kinds = scene.room.objects.values()  # a lab without any has printed movers
@@ -94,16 +95,6 @@ def film_lab(
             video.close()
             drone.disconnect()
         yield path
-
-
-def _scenes_of(lab: Lab) -> Sequence[str]:
-    """Return the scenes of a lab, of which the paper's have a folder of their own."""
-    shipped = (name for name in scene_names() if load_scene(name).lab == lab.name)
-    found = tuple(lab.scenes) or tuple(shipped)
-    if not found:
-        there = lab.folder / SCENES_FOLDER
-        raise InputError(f"the lab '{lab.name}' has no scene to film: add {there}/NAME.yaml")
-    return found
 
 
 class Pilot:

@@ -70,7 +70,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
     assert load_scene(plain / "scene.yaml").objects == ()
     assert "  parts  end of the flight\n" in done.output
-    assert "failed, too, and not reduced: 1 of these flights" in done.output
+    assert "failed, too, and not reduced: 1; " in done.output
     again, twin = re.findall(r"drone (\w+)(.*):\n  uav-bt (fly .*)", done.output)
     assert twin[:2] == ("twin", ", with images")
     assert twin[2] == (
