@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +22,7 @@ from perception.marks.tags import TagFinder
 from sim_bridge.twin import textures
 from sim_bridge.twin.objects import H_SHARE
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import whole_file
+from uav_bt.files import write_whole
 from uav_bt.plugins import make_mark_finder
 from uav_bt.types import LandingMark
 
@@ -52,15 +53,16 @@ def print_mark(
     size_mm, columns, rows = _sheets(mark, sheet)
     if form == "svg" and columns * rows > 1:
         raise FileError(path, f"SVG has one page, and this needs {columns * rows}: write a .pdf")
-    with mpl.rc_context(_STYLE), whole_file(path) as partial:
-        parts = [(row, column) for row in range(rows) for column in range(columns)]
+    parts, written = list(np.ndindex(rows, columns)), io.BytesIO()
+    with mpl.rc_context(_STYLE):
         figures = [_draw(mark, name, size_mm, (rows, columns), part) for part in parts]
         if form == "svg":
-            figures[0].savefig(partial, format="svg", metadata={"Date": None, "Title": name})
+            figures[0].savefig(written, format="svg", metadata={"Date": None, "Title": name})
         else:
-            with PdfPages(partial, metadata={"CreationDate": None, "Title": name}) as file:
+            with PdfPages(written, metadata={"CreationDate": None, "Title": name}) as file:
                 for figure in figures:
                     file.savefig(figure)
+    write_whole(path, written.getvalue())
     return len(parts), size_mm
 
 
