@@ -15,7 +15,7 @@ _TEXT_BYTES: Final = 1_000_000  # a larger file names no others; chosen, tree fi
 # How a text file names others: quoted in XML and Python, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
 # In a folder every file is an input, but those that a command may have written there before.
-_REWRITTEN: Final = {".json", ".html", ".mp4", ".rrd", ".svg", ".btlog"}
+_REWRITTEN: Final = {".json", ".html", ".mp4", ".pdf", ".rrd", ".svg", ".btlog"}
 _READ: Final = {"campaign.json", "classes.json"}
 
 

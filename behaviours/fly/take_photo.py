@@ -222,7 +222,7 @@ class TakePhoto(Leaf):
 
     def _shot_of(self, frame: Frame, class_map: ClassMap | None) -> _Shot:
         name = f"photo-{self.mission.notes.next_photo():03d}"
-        if label := re.sub(r"[^A-Za-z0-9_]+", "-", self._label)[:_LABEL_LENGTH].strip("-"):
+        if label := re.sub(r"[^A-Za-z0-9_-]+", "-", self._label)[:_LABEL_LENGTH].strip("-"):
             name = f"{name}-{label}"
         elapsed_s, site_map = self.read(ELAPSED).value or 0.0, self.read(SITE_MAP).value
         photo = Photo(

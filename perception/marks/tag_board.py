@@ -117,6 +117,16 @@ def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOpt
     return TagBoard(tags, own, cells)
 
 
+def black_cells_m(board: TagBoard, index: int) -> Floats:
+    """Return the corners of the black cells of a tag on the mark's top, (N, 4, 2)."""
+    tag, cell_m = board.tags[index], board.tags[index].size_m / board.cells
+    image = cv2.aruco.generateImageMarker(board.dictionary, index, board.cells)
+    rows, columns = np.nonzero(image == 0)
+    lower_left = np.stack([columns, board.cells - 1 - rows], axis=-1)[:, None]
+    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    return np.asarray((lower_left + square) * cell_m + np.array(tag.at_m) - tag.size_m / 2.0)
+
+
 def draw_board(board: TagBoard, mark: LandingMark, px_per_m: float) -> Image:
     """Return the image of the mark's white top with its tags, (H, W, 3) RGB."""
     width_px, height_px = (round(side_m * px_per_m) for side_m in mark.top_m)

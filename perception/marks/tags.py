@@ -62,9 +62,9 @@ class TagFinder:
 
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
-        self._board = tag_board.read_board(mark, self.families, self.options)
-        self._corners_m = [tag.corners_m() for tag in self._board.tags]
-        self._detector = cv2.aruco.ArucoDetector(self._board.dictionary)
+        self.board: Final = tag_board.read_board(mark, self.families, self.options)
+        self._corners_m = [tag.corners_m() for tag in self.board.tags]
+        self._detector = cv2.aruco.ArucoDetector(self.board.dictionary)
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in an image; None if it shows none of the tags, or two such marks."""
@@ -79,7 +79,7 @@ class TagFinder:
         if best is None:
             return None
         # A pose counts fully if it has twice the weight of one at another place.
-        apart_m = max(tag.size_m for tag in self._board.tags) / 2.0
+        apart_m = max(tag.size_m for tag in self.board.tags) / 2.0
         others = [fit for fit in fits if fit and math.dist(fit.pose[:2], best.pose[:2]) > apart_m]
         rival = max((fit.weight for fit in others), default=0.0)
         clear = min(1.0, 2.0 * (1.0 - rival / best.weight))
@@ -95,7 +95,7 @@ class TagFinder:
 
     def picture(self) -> Image:
         """Return the white top with its tags, (H, W, 3) RGB."""
-        return tag_board.draw_board(self._board, self._mark, _PICTURE_PX_PER_M)
+        return tag_board.draw_board(self.board, self._mark, _PICTURE_PX_PER_M)
 
     def _detect(self, image: Image) -> list[_Seen]:
         """Return the tags of the mark in an image; two prints of one tag come twice."""

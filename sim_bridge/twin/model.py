@@ -29,7 +29,9 @@ from uav_bt.types.ground import Block
 _SHEET_M: Final = 0.001  # thickness of an upper face with another class or look
 _PAINT_M: Final = 0.0001  # height of the H above the pad, enough to be drawn over it
 _CONE_DEG: Final = 85.0  # half the opening of a lamp
-_STRIPES: Final = Paint(name="stripes", make=partial(textures.paper, "stripes"), tile_m=(0.2, 0.2))
+_STRIPES: Final = Paint(
+    name="stripes", make=partial(textures.paper, "stripes"), tile_m=(textures.STRIPES_M,) * 2
+)
 
 
 def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:

@@ -24,6 +24,7 @@ Colour = tuple[float, float, float]  # hue in degrees, saturation and value, 0 t
 Vector2 = tuple[float, float]
 
 PAPER_TILE_M = 0.32  # edge of a tile of printed paper
+STRIPES_M = 0.2  # of a tile of the stripes on the landing box
 _TILE_PX = 256
 # A tile and its eight neighbours, in tile units.
 _SHIFTS = np.array([[(dx, dy)] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])

@@ -53,6 +53,7 @@ CALLS: Final = {
     "lab new new --in .": "new/lab.yaml",
     "lab schema --out new.json": "new.json",
     "lab scenes --show train-a --out new.png": "new.png",
+    "lab print-mark paper --out new.pdf": "new.pdf",
     "lab frames hall walk.mp4 --count 2": "hall/frames",
     "lab train hall --steps 1 --batch 2": "hall/training",
     "lab check hall --out new.json": "hall/training/check.png",
@@ -64,6 +65,7 @@ STREAMS: Final = {"new.btlog", "new.jsonl"}
 
 NOT_CALLED: Final = {
     "lab calibrate": "a file of a camera is written whole, as that of a lab",
+    "lab film": "its videos are written as the film of a flight",
     "lab tune-heading": "its figure is one of `WRITERS`",
     "net evaluate student": "writes as `net evaluate depth`",
     "net export depth": "its file is one of `WRITERS`",

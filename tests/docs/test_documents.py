@@ -39,6 +39,7 @@ LONG: Final = tuple(
     for words in (
         *("fly", "campaign", "report", "record info", "replay", "view", "doctor"),
         *("net perceive", "net collect", "net train", "net evaluate", "net export"),
+        "lab film",
     )
 )
 # Flights of seconds, without images.
@@ -51,6 +52,7 @@ ADDED: Final = {
     "uav-bt net train": ("--steps", "2"),
     "uav-bt net evaluate": ("--views", "20"),
     "uav-bt net export": ("--views", "4"),
+    "uav-bt lab film": ("--places", "1", "--image-size", "320x180", "--scenes", "depot-train-a"),
 }
 # Commands that no test can run; they are only parsed.
 NOT_HERE: Final = (

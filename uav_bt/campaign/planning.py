@@ -70,7 +70,7 @@ def make_plan(
     )
     plan = CampaignPlan(
         trees=planned,
-        scenes=tuple(_scenes(scenes, options)),
+        scenes=tuple(planned_scenes(scenes, options)),
         flights=flights,
         seed_from=seed_from,
         options=options,
@@ -117,8 +117,8 @@ def _variants(tree: str | Path, options: FlightOptions) -> Iterator[PlannedFile]
         )
 
 
-def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[PlannedFile]:
-    """Yield the scenes that names and patterns match, each once."""
+def planned_scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[PlannedFile]:
+    """Yield the scenes that names and patterns match, each once; None: those of the lab."""
     own = options.lab.scenes if isinstance(options.lab, Lab) else {}
     if wanted is None:
         wanted = tuple(own)

@@ -224,7 +224,7 @@ def shrink(
         twin: Fly the result in the twin, too; exit with 1 if it does not fail.
     """
     check_empty_folder(out, "shrink")
-    flight = _failed(source, tree_name, scene, seed)
+    flight, others = _failed(source, tree_name, scene, seed)
     click.echo(f"{flight.ending}; {len(flight.parts())} parts: objects, movers and faults")
     click.echo("  parts  end of the flight")
     small = shrink_flight(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
@@ -242,6 +242,8 @@ def shrink(
         repeat = fly_command(small.tree, str(file), flown, options, out=str(out / drone))
         images = ", with images" if drone == _TWIN else ""
         click.echo(f"command to repeat it, drone {drone}{images}:\n  {repeat}")
+    if others:
+        click.echo(f"failed, too, and not reduced: {others}; --tree, --scene and --seed choose one")
     if not twin:
         return True
     ending = small.fly(_TWIN)
@@ -249,19 +251,27 @@ def shrink(
     return same_cause(ending, small.ending)
 
 
-def _failed(source: Path, tree: str | None, scene: str | None, seed: int | None) -> FailedFlight:
-    """Return the first failed flight of this tree, scene and seed; None: of any."""
-    for one in read_sources([source]):
-        for line in one.flights:
-            is_wanted = (
-                tree in {None, one.tree, Path(one.tree).stem}
-                and scene in {None, line["scene"]}
-                and seed in {None, line["seed"]}
-            )
-            if is_wanted and line["outcome"] != stats.SUCCESS:
-                path = one.scene_path(str(line["scene"]))
-                return FailedFlight.of(line, one.tree_path(), path, one.options)
-    raise InputError(
-        f"{source} has no failed flight of this tree, scene and seed; `uav-bt report` lists those "
-        "that failed"
-    )
+def _failed(
+    source: Path, tree: str | None, scene: str | None, seed: int | None
+) -> tuple[FailedFlight, int]:
+    """Return the first failed flight of this tree, scene and seed, and the number of others.
+
+    None stands for any. An InputError says that there is none.
+    """
+    found = [
+        (one, line)
+        for one in read_sources([source])
+        for line in one.flights
+        if tree in {None, one.tree, Path(one.tree).stem}
+        and scene in {None, line["scene"]}
+        and seed in {None, line["seed"]}
+        and line["outcome"] != stats.SUCCESS
+    ]
+    if not found:
+        raise InputError(
+            f"{source} has no failed flight of this tree, scene and seed; `uav-bt report` lists "
+            "those that failed"
+        )
+    one, line = found[0]
+    path = one.scene_path(str(line["scene"]))
+    return FailedFlight.of(line, one.tree_path(), path, one.options), len(found) - 1

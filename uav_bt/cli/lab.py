@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import click
 import cv2
@@ -34,7 +34,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, write_whole
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.lab_file import lab_schema
-from uav_bt.lab.shipped import write_lab
+from uav_bt.lab.shipped import load_lab, write_lab
 from uav_bt.option import Option
 
 _OF_PLACES: Final = ("lab", "ports", "variables", "params", "leaves")
@@ -174,6 +174,34 @@ def _summary(scene: Scene) -> str:
         "{:g} x {:g} m, ".format(*scene.ground.size_m) + f"{len(heights)} {what}{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), {movers}{mark}, take-off from {place}"
     )
+
+
+@command()
+def print_mark(
+    lab: str,
+    *,
+    sheet: Annotated[Literal["a4", "a3"] | None, Option(form="--sheet SIZE")] = None,
+    out: Annotated[Path | None, Option(path="written")] = None,
+) -> None:
+    """Write the print of a lab's landing mark at true size.
+
+    LAB is the lab, as --lab takes it. Print the file at 100 %; the bar below the mark must then be
+    10 cm long. Of the kind region the border is printed.
+
+    Options:
+        sheet: Spread a large mark over A4 or A3 sheets with crop marks; without it a mark larger
+            than A4 gets one page of its size.
+        out: A PDF or SVG file, by its suffix; LAB-mark.pdf if not given.
+    """
+    # Late: matplotlib takes a second to import.
+    from uav_bt.app import mark_print  # noqa: PLC0415
+
+    found = load_lab(lab)
+    if found.mark is None:
+        raise InputError(f"{found.file} states no landing mark: add the key 'mark'")
+    path = out or Path(f"{found.name}-mark.pdf")
+    pages, size_mm = mark_print.print_mark(found.mark, found.name, path, sheet=sheet)
+    click.echo(f"written: {path}; pages: {pages} of " + "{:g} x {:g} mm".format(*size_mm))
 
 
 @command()

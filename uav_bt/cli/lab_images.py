@@ -1,4 +1,4 @@
-"""`uav-bt lab frames`, `pick` and `check`: images of a lab, picks, the score of its network."""
+"""`uav-bt lab film`, `frames`, `pick` and `check`: images of a lab, picks, scores on them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,18 @@ from annotated_types import Ge, Le
 from perception.segmentation.training.pick_images import CHECK, TRAIN
 from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
+from uav_bt.app.option_values import ImageSize
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.shared import Count, InputFile, OutputFile, table, write_scores
+from uav_bt.cli.shared import (
+    RUNS,
+    Count,
+    InputFile,
+    OutputFile,
+    OutputFolder,
+    table,
+    write_scores,
+)
 from uav_bt.errors import InputError, WeightsError
 from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs
@@ -28,6 +37,44 @@ from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 from uav_bt.option import Option
 from uav_bt.tree.loading.lookup import shipped_trees
+
+
+@command()
+def film(
+    lab: str,
+    *,
+    scenes: Annotated[tuple[str, ...], Option(form="GLOB")] = (),
+    movers: Annotated[int, Ge(0)] = 0,
+    places: Count = 8,
+    image_size_px: ImageSize = (1280, 720),
+    out: OutputFolder = None,
+) -> None:
+    """Film a lab in the twin, as a person films a room with the drone.
+
+    LAB is the lab, as --lab takes it; a lab of yours needs a scene. In each scene a pilot flies
+    through the free ground, turns once at every place with another pitch of the camera, and films
+    the landing mark from above. Each flight becomes a video, which `uav-bt lab frames` reads.
+
+    Options:
+        scenes: Scenes by name, file or pattern, with commas between. Repeatable; default: all of
+            the lab.
+        movers: Film so many people and carts, too, in a second flight of each scene. A lab whose
+            kinds of objects do not move has no such flight.
+        places: Places of each flight where the pilot turns.
+        out: A new or empty folder for the videos; runs/LAB-video if not given.
+    """
+    from uav_bt.learning.lab_film import film_lab  # noqa: PLC0415  (MuJoCo takes long to import)
+
+    found = load_lab(lab)
+    how: dict[str, Any] = {"scenes": scenes, "movers": movers, "places": places}
+    folder, films = out or RUNS / f"{found.name}-video", list[Path]()
+    with progress_bars() as advance:
+        for path in film_lab(found, folder, image_size_px=image_size_px, advance=advance, **how):
+            click.echo(f"written: {path}")
+            films.append(path)
+    if movers and not any(path.stem.endswith("-movers") for path in films):
+        click.echo(f"without movers: no kind of object of the lab '{found.name}' moves")
+    click.echo(f"next: uav-bt lab frames {lab} {folder}")
 
 
 @command()

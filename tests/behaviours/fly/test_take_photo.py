@@ -65,7 +65,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, label="box {n}, {nothing}")
+    bench = photo_bench(tmp_path, label="box {n},-2 {nothing}")
     bench.variables["n"] = 1
     bench.board[ELAPSED] = 20.0
     for _ in range(5):
@@ -78,7 +78,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         captured_s=bench.clock.now(),
     )
     assert bench.tick() is Status.SUCCESS
-    name = "photo-001-box-1-unknown"
+    name = "photo-001-box-1--2-unknown"
     assert names(tmp_path) == [f"{name}-classes.png", f"{name}.jpg", f"{name}.json"]
     image = decode_image((tmp_path / f"{name}.jpg").read_bytes())
     assert image.shape == bench.board[FRAME].image.shape
@@ -86,7 +86,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
     facts = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert facts == {
         "frame": "start",
-        "label": "box 1, unknown",
+        "label": "box 1,-2 unknown",
         "file": f"{name}.jpg",
         "class_map": f"{name}-classes.png",
         "time_s": 20.0,
@@ -96,7 +96,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         "camera_file": None,
         "camera_media": None,
     }
-    assert [photo.label for photo in bench.notes.photos] == ["box 1, unknown"]
+    assert [photo.label for photo in bench.notes.photos] == ["box 1,-2 unknown"]
     assert [(event.kind, event.text) for event in bench.notes.events] == [(EventKind.PHOTO, name)]
 
 

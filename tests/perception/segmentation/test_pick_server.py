@@ -179,7 +179,7 @@ def _decoded(png: bytes) -> NDArray[np.uint8]:
 
 def test_the_page_and_its_images_are_served(page: HTTPConnection, folder: Path) -> None:
     status, body = _ask(page, "/")
-    assert (status, b"<canvas" in body) == (200, True)
+    assert (status, b"<canvas" in body, b'rel="icon"' in body) == (200, True, True)
     assert _ask(page, "/picture/b.jpg") == (200, (folder / "b.jpg").read_bytes())
     state = json.loads(_ask(page, "/state")[1])
     assert dict(zip(state["names"], state["uses"], strict=True)) == USES

@@ -59,7 +59,10 @@ def flight(**changes: object) -> dict[str, object]:
 
 def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path) -> None:
     """Neither wind nor boxes matter to a low battery; without frames it aborts for that reason."""
-    source = jsonl(tmp_path / "flights.jsonl", flight(faults=["no-frame@center+0.3", *FAULTS]))
+    first = flight(faults=["no-frame@center+0.3", *FAULTS])
+    source = jsonl(
+        tmp_path / "flights.jsonl", first, flight(seed=4), flight(seed=5, outcome="success")
+    )
     plain = tmp_path / "small"
     done = CliRunner().invoke(shrink, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
@@ -67,6 +70,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
     assert load_scene(plain / "scene.yaml").objects == ()
     assert "  parts  end of the flight\n" in done.output
+    assert "failed, too, and not reduced: 1; " in done.output
     again, twin = re.findall(r"drone (\w+)(.*):\n  uav-bt (fly .*)", done.output)
     assert twin[:2] == ("twin", ", with images")
     assert twin[2] == (
