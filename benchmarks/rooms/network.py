@@ -69,5 +69,8 @@ def _ports(net: RoomNet) -> OnnxPorts:
 
 
 ROOM_FILES: Final = NetworkFiles(
-    kind="room-network", remedy="perception/weights/any.md says how it is made", build=_build, ports=_ports
+    kind="room-network",
+    remedy="perception/weights/any.md says how it is made",
+    build=_build,
+    ports=_ports,
 )
