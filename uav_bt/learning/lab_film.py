@@ -22,7 +22,7 @@ from behaviours.path.fastest import Cell, fastest_paths
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, shipped_scenes
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import lab_of
 from uav_bt.campaign.planning import planned_scenes
@@ -68,7 +68,7 @@ def film_lab(
     check_empty_folder(folder, "lab film")
     options, rounds = FlightOptions(lab=lab), dict[Path, tuple[TwinDrone, FreeGround]]()
     ceiling_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
-    own = tuple(lab.scenes) or [each for each in scene_names() if load_scene(each).lab == lab.name]
+    own = tuple(lab.scenes) or [each for each in shipped_scenes() if load_scene(each).lab == lab.name]
     for file in planned_scenes(scenes or own or None, options):
         scene = load_scene(file.path)
         lab_of(options, scene)  # refuses one of another lab
