@@ -15,7 +15,12 @@ from rich.text import Text
 
 from uav_bt.board import ELAPSED, MARK
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.phrases import describe_flight, describe_movement, lands_on_mark
+from uav_bt.display.phrases import (
+    describe_flight,
+    describe_movement,
+    lands_on_mark,
+    shown_events,
+)
 from uav_bt.display.shown import FlownPath
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
@@ -34,10 +39,10 @@ _ACT: Final = {  # actions for the operator; they stay on the screen
 _MESSAGES: Final = {  # events that are shown at once, with their colours
     EventKind.INFO: "",
     EventKind.WARNING: "yellow",
+    EventKind.FAILED: "yellow",
     EventKind.PHOTO: "",
     EventKind.NO_PHOTO: "yellow",
 }
-_SUMMED_UP: Final = frozenset(EventKind) - {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED}
 _EVENTS: Final = 10  # of the summary, at most
 
 
@@ -201,7 +206,7 @@ def _rows(report: FlightReport, mark: LandingMark) -> Iterator[tuple[str, str]]:
     yield from _map_facts(report)
     if report.photos:
         yield "photos", f"{len(report.photos)} stored"
-    events = [event for event in report.events if event.kind in _SUMMED_UP]
+    events = [*shown_events(report.events)]
     yield from _named("events", events[-_EVENTS:])
     if len(events) > _EVENTS:
         yield "", f"and {len(events) - _EVENTS} before, in the report"

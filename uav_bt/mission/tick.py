@@ -11,6 +11,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
 from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.watches import BranchEnds, SlowLeaf
 from uav_bt.types import Command, Observation, Truth
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -88,10 +89,12 @@ class EventWatch:
         self, override: Override | None, refused: tuple[str, ...], ends: BranchEnds, *, landed: bool
     ) -> None:
         """Add the events of a tick; `refused` says why frame or telemetry were refused in it."""
-        add = self._context.add_event
-        for node in ends.failed:
-            self.failure = _words(node)
-            add(EventKind.FAILED, self.failure, node.path)
+        add, told = self._context.add_event, self._context.notes.told()
+        for node in (*ends.failed, *ends.expected):
+            self.failure = told.get(node.path, _words(node))
+            if node.path not in told:
+                kind = EventKind.FAILED if node in ends.failed else EventKind.EXPECTED
+                add(kind, self.failure, node.path)
         phase = self._context.board.read(PHASE).value or ""
         if phase != self.phase:
             self.phase = phase
@@ -123,5 +126,9 @@ class EventWatch:
 
 
 def _words(node: Node) -> str:
-    """Return a node's name, with its reason if it gave one."""
-    return f"{node.name}: {node.feedback_message}" if node.feedback_message else node.name
+    """Return a node's name, with its reason if it gave one; of what, for an unnamed decorator."""
+    name, below = node.name, node
+    while below.name == below.node_id and isinstance(below, DecoratorNode):
+        below = below.child
+        name = f"{node.name} of {below.name}"
+    return f"{name}: {node.feedback_message}" if node.feedback_message else name

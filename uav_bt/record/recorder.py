@@ -25,7 +25,14 @@ from uav_bt.types.ground import Ground
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
 _USUAL: Final = frozenset(
-    {EventKind.INFO, EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.ENDED}
+    {
+        EventKind.INFO,
+        EventKind.EXPECTED,
+        EventKind.PHASE,
+        EventKind.PHOTO,
+        EventKind.LANDED,
+        EventKind.ENDED,
+    }
 )  # the log's other events are warnings
 
 

@@ -20,7 +20,8 @@ class EventKind(enum.StrEnum):
     INFO = "info"  # a leaf's message
     WARNING = "warning"  # the same, of greater weight
     PHASE = "phase"  # another phase of the mission began
-    FAILED = "failed"  # a running branch of the tree failed
+    FAILED = "failed"  # a branch of the tree failed, and the mission takes another course
+    EXPECTED = "expected"  # a running branch failed, as the tree is written to go on
     OVERRIDE = "override"  # the arbiter overrides the tree
     OVERRIDE_OVER = "override over"
     PILOT = "pilot"  # a person took over
@@ -64,6 +65,7 @@ class Photo:
     time_s: float  # of the capture, since the take-off command
     pose: ReportedPose | None
     height_m: float  # above the ground plane
+    raised_m: float = 0.0  # how much of it the drone flew above its flight height for a mover
     gimbal_pitch_deg: float  # 0 level, negative down
     # The photograph of the drone's own camera: its file, fetched after the landing, and its
     # identifier on the drone's memory card. None: the camera took none.

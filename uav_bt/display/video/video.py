@@ -13,6 +13,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.display import canvas
 from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, PANEL, Size
 from uav_bt.display.map_pane import MapPane
+from uav_bt.display.phrases import shown_events
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.display.video import panes
 from uav_bt.display.video.video_file import FILM, VideoFile
@@ -32,6 +33,7 @@ _HOLD_S: Final = 2.0  # video time of the outcome at the end
 _MOST_PHASES: Final = 6  # of which the last ones have room
 _FIRST_SPAN_S: Final = 30.0  # of the time bar, whose scale doubles with the flight
 _MARGIN_PX: Final = 18  # beside the time bar
+_EVENT_S: Final = 5.0  # mission time for which an event stays in the image
 
 
 def open_film(path: Path, speed: float = 1.0) -> VideoFile:
@@ -58,12 +60,15 @@ class FlightVideo:
         self._flown = FlownPath()
         self._starts: list[tuple[float, str]] = []  # of the phases, with their names
         self._first_s: float | None = None
+        self._event, self._event_s = "", -math.inf  # the newest one, and when it came
         self._slot = -1
         self._last: Image | None = None
 
     def on_tick(self, record: TickRecord) -> None:
         """Draw and write a tick; ticks between two images only extend the path."""
         self._flown.add(record)
+        for words in shown_events(record.events):
+            self._event, self._event_s = words, record.time_s
         if self._first_s is None:
             self._first_s = record.time_s
         # With a tolerance: times are sums of ticks.
@@ -99,6 +104,8 @@ class FlightVideo:
         image = canvas.blank(_SIZE_PX, BACKDROP)
         for left, top, pane in placed:
             image[top : top + pane.shape[0], left : left + pane.shape[1]] = pane
+        if record.time_s - self._event_s < _EVENT_S:
+            canvas.tag(image[: _LARGE[1], : _LARGE[0]], self._event, (10, _LARGE[1] - 66))
         return image
 
     def _draw_time(self, now_s: float, phase: str) -> Image:
