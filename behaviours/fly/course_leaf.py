@@ -104,12 +104,12 @@ class CourseLeaf(MovingLeaf):
         if velocity is None:
             return False
         self.drop_course()
-        self._tell(site_map, now_s)
+        self._note_giving_way(site_map, now_s)
         off_m = 0.0 if state is None else self.off_height_m(state)
         self.propose(replace(velocity, down_mps=clamp(_GIVES_WAY_PER_S * off_m, _GIVES_WAY_MPS)))
         return True
 
-    def _tell(self, site_map: SiteMap | None, now_s: float) -> None:
+    def _note_giving_way(self, site_map: SiteMap | None, now_s: float) -> None:
         """Add an event when the leaf begins to give way."""
         self.feedback_message = "gives way"
         if now_s - self._gave_way_s > _AGAIN_S and site_map is not None and site_map.movers:

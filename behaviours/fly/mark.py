@@ -6,14 +6,7 @@ import math
 from typing import Final
 
 from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
-from behaviours.fly.mark_track import (
-    AHEAD_RAD,
-    MARK_LOST,
-    TRACK_KEYS,
-    believed_fix,
-    is_clear,
-    straight_to,
-)
+from behaviours.fly.mark_track import AHEAD_RAD, TRACK_KEYS, believed_fix, is_clear, straight_to
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.policies.coverage_policy import CoveragePolicy
@@ -32,6 +25,7 @@ TRACK_TRIED: Final = Key(
     unit="s",
     writer="StopAboveMark",
 )
+_MARK_LOST: Final = "mark lost: not seen for long, and not on the map"
 _CARRIED_STD_M: Final = 0.3  # largest standard deviation of a usable track without a new sighting
 _LED_S: Final = 48.0  # a search by the map looks below this much later; chosen
 _SCAN_RADPS: Final = 0.8  # rate of a turn: 5 degrees per frame at 10 frames per second
@@ -202,7 +196,7 @@ class StopAboveMark(CourseLeaf):
         """Fly on until above the mark."""
         fix = believed_fix(self, self._mark_m)
         if fix is None:
-            return self.fails(MARK_LOST)
+            return self.fails(_MARK_LOST)
         passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
         if passed or fix.range_m < self.port_value("arrive_m"):
             # If no mark is found below, its place counts again only after a new sighting.
@@ -306,7 +300,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
         """Ask the policy about each view that faces the mark."""
         fix, now_s = believed_fix(self, 0.0), self.clock.now()
         if fix is None:
-            return self.fails(MARK_LOST)
+            return self.fails(_MARK_LOST)
         ahead = abs(fix.bearing_rad) < AHEAD_RAD
         below = ahead and not fix.detected and now_s - fix.captured_s > _OUT_OF_VIEW_S
         near = fix.range_m <= _AT_MARK_M or (below and fix.range_m < _CLOSE_M)

@@ -15,7 +15,6 @@ TRACK_KEYS: Final = (MARK, SITE_MAP)  # a leaf must declare them as read to fly 
 # The numbers were chosen in flights on the training scenes.
 _AGREES_M: Final = 0.7  # a sighting further than this from the map's mark is not the mark
 _LOST_S: Final = 20.0  # a track without a sighting is lost; long enough to fly around a box
-MARK_LOST: Final = f"mark lost: not seen for {_LOST_S:.0f} s, and not on the map"
 AHEAD_RAD: Final = math.radians(12)  # the drone advances if its heading error is smaller
 _FAST_MPS: Final = 0.45  # highest speed on the straight path
 SLOW_DOWN_PER_S: Final = 0.6  # speed per metre of remaining range

@@ -19,15 +19,14 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, MissionPhase
-from uav_bt.types.arrays import Floats
 
 # The numbers were chosen.
 _NEAR_M: Final = 0.02  # a movement along the ground that is shorter needs no map
 # The camera is tilted down in a second, and shown to both sides in a swing of 0.64 rad: without it,
 # cells right beside the drone stay out of view.
 _TILT_S: Final = 1.0
-_SHIFTS_M: Final = 0.1
 _SWING_S: Final = 4.0
+_SHIFTS_M: Final = 0.1  # under way, unseen cells may be nearer by this: the map shifts a little
 _UNSEEN: Final = (
     "the ground there or beside it was not seen: turn to it before (Turn, Face), or lower the "
     "camera (gimbal_deg of TakeOff)"
@@ -55,9 +54,7 @@ class MoveBy(PlaceLeaf):
         """Note the margins of the place."""
         super().on_setup(mission)
         margins = Margins().within(mission.clearances).tight()
-        # Under way unseen cells may be nearer: a map that shifts a little does not end a movement.
-        under_way = replace(margins, unknown_m=margins.unknown_m - _SHIFTS_M)
-        self._margins = margins, under_way
+        self._margins = margins, replace(margins, unknown_m=margins.unknown_m - _SHIFTS_M)
 
     def needs(self) -> tuple[Key[Any], ...]:
         """Return the map; a movement straight up or down needs none."""
@@ -78,8 +75,8 @@ class MoveBy(PlaceLeaf):
     def work(self, state: DroneState) -> Status:
         """Move while the line is free."""
         forward_m, right_m = self.port_value("forward_m"), self.port_value("right_m")
+        site_map = self.trusted_map()
         if math.hypot(forward_m, right_m) > _NEAR_M:
-            site_map = self.trusted_map()
             if site_map is None:
                 return self.fails("no map shows whether the way is free")
             self._to = self._to or site_map.pose.to_world(forward_m, right_m)
@@ -92,12 +89,10 @@ class MoveBy(PlaceLeaf):
             if self._obstruction:
                 ahead = self._obstruction == _UNSEEN and forward_m > abs(right_m)
                 return self._look(state) if ahead and not self._begun else self._blocked()
-            if self._looked_rad is not None and not self._begun:
-                forward_m, right_m = site_map.pose.to_body(*self._to)
         if not self._begun:
-            self._begun = True
-            down_m, back_rad = -self.port_value("up_m"), 0.0
-            if self._looked_rad is not None:
+            self._begun, down_m, back_rad = True, -self.port_value("up_m"), 0.0
+            if self._looked_rad is not None and self._to is not None and site_map is not None:
+                forward_m, right_m = site_map.pose.to_body(*self._to)
                 back_rad = math.remainder(self._looked_rad - state.attitude.yaw_rad, math.tau)
             self.start_move(forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=back_rad)
         elif not self.moving(state):
@@ -130,17 +125,12 @@ class MoveBy(PlaceLeaf):
 
 def _obstruction(clearance: ClearanceMap, to_m: tuple[float, float]) -> str:
     """Return why a straight line to a place of the map is not free."""
-    pose, margins = clearance.map.pose, clearance.margins
-    line_m = np.linspace((pose.x_m, pose.y_m), to_m, 20)[:, None]
-
-    def apart_m(points_m: Floats) -> float:
-        return float(np.linalg.norm(points_m - line_m, axis=-1).min(initial=math.inf))
-
-    obstacle_m = apart_m(clearance.map.obstacles_m)
-    if obstacle_m < margins.touch_m:
-        return f"an obstacle is {obstacle_m:.2f} m from it, {margins.touch_m:.2f} m are needed"
-    if (edge_m := apart_m(clearance.map.edges_m)) < margins.edge_m:
-        return (
-            f"the edge of the ground is {edge_m:.2f} m from it, {margins.edge_m:.2f} m are needed"
-        )
+    found, margins = clearance.map, clearance.margins
+    line_m = np.linspace((found.pose.x_m, found.pose.y_m), to_m, 20)[:, None]
+    obstacles = "an obstacle", found.obstacles_m, margins.touch_m
+    edges = "the edge of the ground", found.edges_m, margins.edge_m
+    for what, points_m, needed_m in (obstacles, edges):
+        apart_m = float(np.linalg.norm(points_m - line_m, axis=-1).min(initial=math.inf))
+        if apart_m < needed_m:
+            return f"{what} is {apart_m:.2f} m from it, {needed_m:.2f} m are needed"
     return _UNSEEN

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from uav_bt import types
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.types.flight_results import EventKind, FlightEvent
 
 _NOTHING = 5e-3  # m and m/s; smaller parts are not shown
 _NO_TURN_RAD = math.radians(0.5)
@@ -21,17 +18,6 @@ _WHOLE: dict[type[types.Movement], str] = {
     types.Release: "released to the pilot",
 }
 _DIRECTIONS = (("forward", "back"), ("right", "left"), ("down", "up"))
-
-_UNSHOWN = {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.EXPECTED}
-
-
-def shown_events(events: Sequence[FlightEvent]) -> Iterator[str]:
-    """Yield what changed the course of a mission; what repeats comes once, with its number."""
-    shown = [event for event in events if event.kind not in _UNSHOWN]
-    times = Counter((event.kind, event.text) for event in shown)
-    for event in shown:
-        if count := times.pop((event.kind, event.text), 0):
-            yield f"{event}{f' ({count} times)' if count > 1 else ''}"
 
 
 def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> str:

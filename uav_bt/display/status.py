@@ -15,19 +15,14 @@ from rich.text import Text
 
 from uav_bt.board import ELAPSED, MARK
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.phrases import (
-    describe_flight,
-    describe_movement,
-    lands_on_mark,
-    shown_events,
-)
+from uav_bt.display.phrases import describe_flight, describe_movement, lands_on_mark
 from uav_bt.display.shown import FlownPath
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState, LandingMark, MoveBy, Velocity
-from uav_bt.types.flight_results import EventKind
+from uav_bt.types.flight_results import EventKind, shown_events
 
 _REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent

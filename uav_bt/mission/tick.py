@@ -104,10 +104,11 @@ class EventWatch:
             add(EventKind.LANDED, "the drone landed")
         self._flew = not landed
         if ends.ended is not None:
-            how = "succeeded" if ends.succeeded else "failed"
+            how, path = "succeeded" if ends.succeeded else "failed", ends.ended.path
             if ends.ended.feedback_message and not ends.succeeded:
-                self.failure = _words(ends.ended)
-            add(EventKind.ENDED, f"the tree {how} at {_words(ends.ended)}", ends.ended.path)
+                self.failure = told.get(path, _words(ends.ended))
+            where = ends.ended.name if path in told else _words(ends.ended)
+            add(EventKind.ENDED, f"the tree {how} at {where}", path)
 
     def _note_override(self, override: Override | None, reasons: tuple[str, ...]) -> None:
         before, self._override = self._override, override

@@ -13,21 +13,12 @@ import logging
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+from uav_bt.tree import nodes
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import (
-    BUILTIN_NODES,
-    Fallback,
-    KeepRunningUntilFailure,
-    ReactiveFallback,
-    ReactiveSequence,
-    RetryUntilSuccessful,
-    Sequence,
-    TryCatch,
-)
 from uav_bt.tree.observer import NodeEvent, observe
 
 _log: Final = logging.getLogger(__name__)
@@ -64,7 +55,8 @@ class BudgetWatch:
 
     def follow(self, tree: MissionTree) -> None:
         """Measure the leaves of another tree as well."""
-        observe([leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES], self._note)
+        builtin = nodes.BUILTIN_NODES
+        observe([leaf for leaf in tree.leaves() if type(leaf) not in builtin], self._note)
 
     def take(self) -> tuple[SlowLeaf, ...]:
         """Return the leaves that exceeded their budgets since the last call."""
@@ -156,15 +148,16 @@ def _changes_course(cause: Node, failed: Collection[Node], halted: Collection[No
     ReactiveSequence, in whose place a Fallback runs another one. A loop that begins again, or that
     runs until a failure, expects it.
     """
-    node, ends, interrupts = cause, False, False
+    node: Any = cause
+    ends = interrupts = False
     while (parent := node.parent) is not None:
-        if isinstance(parent, KeepRunningUntilFailure):
+        if isinstance(parent, nodes.KeepRunningUntilFailure):
             ends = interrupts = False
-        ends |= isinstance(parent, Sequence | TryCatch)
-        if isinstance(parent, ReactiveSequence):
+        ends |= isinstance(parent, nodes.Sequence | nodes.TryCatch)
+        if isinstance(parent, nodes.ReactiveSequence):
             interrupts |= any(child in halted for child in parent.children if child is not node)
         if parent not in failed:
-            ends |= interrupts and isinstance(parent, Fallback | ReactiveFallback)
-            return ends and not isinstance(parent, RetryUntilSuccessful)
+            ends |= interrupts and isinstance(parent, nodes.Fallback | nodes.ReactiveFallback)
+            return ends and not isinstance(parent, nodes.RetryUntilSuccessful)
         node = parent
     return True

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -44,6 +46,18 @@ class FlightEvent:
     def __str__(self) -> str:
         """Return time, kind and text in one line."""
         return f"{self.time_s:.1f} s  {self.kind}: {self.text}"
+
+
+_UNSHOWN: Final = {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.EXPECTED}
+
+
+def shown_events(events: Sequence[FlightEvent]) -> Iterator[str]:
+    """Yield what changed the course of a mission; what repeats comes once, with its number."""
+    shown = [event for event in events if event.kind not in _UNSHOWN]
+    times = Counter((event.kind, event.text) for event in shown)
+    for event in shown:
+        if count := times.pop((event.kind, event.text), 0):
+            yield f"{event} ({count} times)" if count > 1 else str(event)
 
 
 @dataclass(frozen=True, kw_only=True)
