@@ -24,14 +24,7 @@ from uav_bt.types.ground import Ground
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
 # The events of other kinds are warnings in the log.
-_USUAL: Final = (
-    "info",
-    "expected",
-    "phase",
-    "photo",
-    "landed",
-    "ended",
-)
+_USUAL: Final = ("info", "expected", "phase", "photo", "landed", "ended")
 
 
 class FlightRecorder:
