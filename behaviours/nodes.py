@@ -10,6 +10,7 @@ from behaviours.fly.explore import Avoid, CorridorClear, CoverageGrows, Explore
 from behaviours.fly.go_to import GoTo
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
+from behaviours.fly.move_by import MoveBy
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo, TakeOff
@@ -26,7 +27,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     *(Advise, BuildCorridor, EstimateDepth, FindMark, MapSite),
     *(RememberViews, Segment, SensesAgree, TrackMotion),
     *(Avoid, CorridorClear, CoverageGrows, Explore),
-    *(look.CanReturn, look.HoverFor, look.Hovering, look.MoveBy, look.MovesOn),
+    *(look.CanReturn, look.HoverFor, look.Hovering, MoveBy, look.MovesOn),
     *(look.PointCamera, look.Say, look.Turn, mark.Detour, mark.GoToMarkUnderPolicy),
     *(mark.MarkFound, mark.ScanBelow, mark.SearchUnderPolicy, mark.StopAboveMark),
     *(NextObject, ObjectSeen, ViewPoints, ClimbTo, TakeOff, TakePhoto),

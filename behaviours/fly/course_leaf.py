@@ -18,6 +18,8 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity, clamp
+from uav_bt.types.flight_results import EventKind
+from uav_bt.types.site_map import SiteMap
 
 Keys = tuple[Key[Any], ...]
 GIMBAL = number("gimbal_deg", -30.0, -90, 90, "camera pitch in flight, degrees")
@@ -29,6 +31,7 @@ _CLIMB_MPS: Final = 0.25  # highest climb rate
 _GIVES_WAY_PER_S: Final = 2.0  # the same while the drone gives way
 _GIVES_WAY_MPS: Final = 0.5
 _SLOWER_TIMES: Final = 10.0  # in a gap: a push of 0.1 m/s halves the speed
+_AGAIN_S: Final = 10.0  # the drone gives way anew, for events, after this time without; chosen
 _EVADED_M: Final = 0.2  # a turn corrects only larger errors in height: those of giving way
 
 
@@ -49,6 +52,7 @@ class CourseLeaf(MovingLeaf):
         super().on_setup(mission)
         self._heading = HeadingController()
         self._ordered: tuple[float, float, float] | None = None  # yaw, rad; speed, m/s; time, s
+        self._gave_way_s = -math.inf
         self._giving_way = GivingWay(MARGINS.within(mission.clearances), mission.airframe.radius_m)
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
@@ -100,10 +104,19 @@ class CourseLeaf(MovingLeaf):
         if velocity is None:
             return False
         self.drop_course()
-        self.feedback_message = "gives way"
+        self._note_giving_way(site_map, now_s)
         off_m = 0.0 if state is None else self.off_height_m(state)
         self.propose(replace(velocity, down_mps=clamp(_GIVES_WAY_PER_S * off_m, _GIVES_WAY_MPS)))
         return True
+
+    def _note_giving_way(self, site_map: SiteMap | None, now_s: float) -> None:
+        """Add an event when the leaf begins to give way."""
+        self.feedback_message = "gives way"
+        if now_s - self._gave_way_s > _AGAIN_S and site_map is not None and site_map.movers:
+            to_m = min(math.hypot(*site_map.pose.to_body(it.x_m, it.y_m)) for it in site_map.movers)
+            text = f"gives way to a mover {to_m:.1f} m away"
+            self.mission.add_event(EventKind.INFO, text, self.path)
+        self._gave_way_s = now_s
 
     def drop_course(self) -> None:
         """Drop movement and course."""

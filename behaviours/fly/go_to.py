@@ -13,7 +13,7 @@ from behaviours.fly.mark_track import (
     is_clear,
     straight_to,
 )
-from behaviours.fly.places import FACING_RAD, NO_MAP, PlaceLeaf
+from behaviours.fly.places import BELOW_RAD, FACING_RAD, NO_MAP, PlaceLeaf
 from behaviours.fly.steering import GIVES_WAY
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.margins import Margins
@@ -35,7 +35,6 @@ _HEIGHT_M: Final = 0.1  # largest error of a height
 _STEPS: Final = 2  # last steps that are flown before the drone counts as arrived where it is
 _PROGRESS_M: Final = 0.1  # a way that is shorter by this is progress
 _BELOW_M: Final = 1.0  # a place nearer than this may lie below the view in flight
-_BELOW_RAD: Final = math.radians(-55)  # shows it; the map takes no steeper views
 _MARK_OUTSIDE: Final = "the landing mark lies outside the mission's area"
 _NOT_STRAIGHT: Final = "an obstacle is too near to the straight way to the mark, and no map is sure"
 _LOOK_RAD: Final = math.radians(60)  # turn that is ordered while the drone looks for a way
@@ -213,7 +212,7 @@ class GoTo(PlaceLeaf):
         """Return the camera's pitch, lower for the mark and for the ground of a near place."""
         state, given_deg = self.state(), self.port_value("gimbal_deg")
         if self._below:
-            return _BELOW_RAD
+            return BELOW_RAD
         flight_rad = super().gimbal_pitch_rad()
         if given_deg != 0.0:
             flight_rad = self.ground_pitch_rad(math.radians(given_deg))

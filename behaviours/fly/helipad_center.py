@@ -77,6 +77,7 @@ class HelipadCenter(MovingLeaf):
         HEADING,
     )
     reads = (STATE, FRAME, CAMERA, MARK)
+    needed = (MARK,)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -127,7 +128,7 @@ class HelipadCenter(MovingLeaf):
             self._climb_next_m = 0.0
             return Status.RUNNING
         if self.leaf_clock.now() > self._gives_up_s:
-            return self.fails("mark lost")
+            return self.fails(f"mark lost: not centred in {self.port_value('give_up_s'):g} s")
         fix, camera = self._fix_from_above(), self.read(CAMERA).value
         if fix is not None and camera is not None:
             return self._centre(state, fix, camera)

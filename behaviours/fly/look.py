@@ -6,8 +6,6 @@ import math
 from typing import Final
 
 from behaviours.fly.moving_leaf import LeafClock, MovingLeaf, Progress, camera_points_at
-from behaviours.fly.places import PlaceLeaf
-from behaviours.path.clearance import ClearanceMap
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import route
@@ -22,7 +20,6 @@ from uav_bt.types.flight_results import EventKind
 
 _TEXT: Final = "one line; {variable} and {@board_key} are replaced by their values"
 # The numbers were chosen.
-_NEAR_M: Final = 0.02  # a movement along the ground that is shorter needs no map
 _SPEED_MPS: Final = 0.4  # mean speed on the way home
 _DETOUR: Final = 1.5  # length of the way over the straight distance, where no route is known
 _LANDING_S: Final = 30.0  # from the arrival to the landing
@@ -95,61 +92,7 @@ class Turn(MovingLeaf):
             self._begun = True
             self.start_move(yaw_rad=math.radians(self.port_value("degrees")))
         elif not self.moving(state):
-            self.feedback_message = self.trouble
-            return Status.SUCCESS if self.progress is Progress.DONE else Status.FAILURE
-        return Status.RUNNING
-
-
-class MoveBy(PlaceLeaf):
-    """Move in a straight line without turning; SUCCESS at its end.
-
-    FAILURE when the map does not show the line free, at the beginning or later, and after repeated
-    attempts without progress. A movement straight up or down needs no map. An override interrupts
-    the movement, and it goes on afterwards.
-    """
-
-    repeats = True
-    ports = (
-        number("forward_m", 0.0, -5, 5, "distance ahead, m"),
-        number("right_m", 0.0, -5, 5, "distance to the right, m"),
-        number("up_m", 0.0, -5, 5, "distance upwards, m"),
-    )
-    resumes = True
-
-    def on_setup(self, mission: MissionContext) -> None:
-        """Note the margins of the place."""
-        super().on_setup(mission)
-        self._margins = Margins().within(mission.clearances).tight()
-
-    def initialise(self) -> None:
-        """Begin with the movement."""
-        super().initialise()
-        self.write(PHASE, MissionPhase.GO_TO)
-        self._to: tuple[float, float] | None = None  # x and y of its end on the map, m
-        self._begun = False
-        self._checked_s = -math.inf  # capture time of the map on which the line was checked
-
-    def work(self, state: DroneState) -> Status:
-        """Move while the line is free."""
-        forward_m, right_m = self.port_value("forward_m"), self.port_value("right_m")
-        if math.hypot(forward_m, right_m) > _NEAR_M:
-            site_map = self.trusted_map()
-            if site_map is None:
-                return self.fails("no map shows whether the way is free")
-            self._to = self._to or site_map.pose.to_world(forward_m, right_m)
-            if site_map.captured_s != self._checked_s:
-                self._checked_s = site_map.captured_s
-                recent = recent_obstacles(self.obstacles(), site_map)
-                if not ClearanceMap(site_map, recent, self._margins).is_open_to(*self._to):
-                    return self.fails("the map does not show the way free")
-        if not self._begun:
-            self._begun = True
-            down_m = -self.port_value("up_m")
-            self.start_move(forward_m=forward_m, right_m=right_m, down_m=down_m)
-        elif not self.moving(state):
-            if self.progress is Progress.DONE:
-                return Status.SUCCESS
-            return self.fails(self.trouble or "a person has flown the drone")
+            return Status.SUCCESS if self.progress is Progress.DONE else self.fails(self.trouble)
         return Status.RUNNING
 
 

@@ -12,7 +12,7 @@ from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.policies.coverage_policy import CoveragePolicy
 from behaviours.ports import number
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
-from uav_bt.board import HELD_TURN, PHASE, SITE_MAP
+from uav_bt.board import HELD_TURN, MARK, PHASE, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
@@ -25,6 +25,7 @@ TRACK_TRIED: Final = Key(
     unit="s",
     writer="StopAboveMark",
 )
+_MARK_LOST: Final = "mark lost: not seen for long, and not on the map"
 _CARRIED_STD_M: Final = 0.3  # largest standard deviation of a usable track without a new sighting
 _LED_S: Final = 48.0  # a search by the map looks below this much later; chosen
 _SCAN_RADPS: Final = 0.8  # rate of a turn: 5 degrees per frame at 10 frames per second
@@ -60,6 +61,7 @@ class MarkFound(Leaf):
     group = "Parts of shipped subtrees"
     condition = True
     reads = (*TRACK_KEYS, TRACK_TRIED)
+    needed = (MARK,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note the height of the mark."""
@@ -181,6 +183,7 @@ class StopAboveMark(CourseLeaf):
         number("arrive_m", 0.12, 0.01, 2, "horizontal distance that counts as above, m"),
     )
     reads = (*CourseLeaf.reads, *TRACK_KEYS)
+    needed = (MARK,)
     writes = (*CourseLeaf.writes, TRACK_TRIED)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -197,14 +200,14 @@ class StopAboveMark(CourseLeaf):
         """Fly on until above the mark."""
         fix = believed_fix(self, self._mark_m)
         if fix is None:
-            return Status.FAILURE
+            return self.fails(_MARK_LOST)
         passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
         if passed or fix.range_m < self.port_value("arrive_m"):
             # If no mark is found below, its place counts again only after a new sighting.
             self.write(TRACK_TRIED, fix.captured_s)
             return Status.SUCCESS
         if not is_clear(self, fix.forward_m, fix.right_m):
-            return Status.FAILURE
+            return self.fails("an obstacle is near the last metre to the mark")
         answer = straight_to(fix)
         self.feedback_message = answer.reason
         self.fly_on(state, answer)
@@ -303,7 +306,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
         """Ask the policy about each view that faces the mark."""
         fix, now_s = believed_fix(self, 0.0), self.clock.now()
         if fix is None:
-            return Status.FAILURE
+            return self.fails(_MARK_LOST)
         ahead = abs(fix.bearing_rad) < AHEAD_RAD
         below = ahead and not fix.detected and now_s - fix.captured_s > _OUT_OF_VIEW_S
         near = fix.range_m <= _AT_MARK_M or (below and fix.range_m < _CLOSE_M)

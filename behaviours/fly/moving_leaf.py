@@ -19,6 +19,7 @@ from uav_bt.protocols import Clock
 from uav_bt.tree import Leaf, Status
 from uav_bt.types import DroneState, Frame, GimbalTo, MoveBy, MovementState
 from uav_bt.types.dead_reckoning import Odometry
+from uav_bt.types.flight_results import EventKind
 
 STRAIGHT_DOWN_RAD: Final = -math.pi / 2
 _PAUSE_S: Final = 1.0  # a longer time between two ticks is a pause; no tick takes this long
@@ -273,9 +274,15 @@ class MovingLeaf(Leaf):
         return self.read(STATE).value
 
     def fails(self, reason: str) -> Status:
-        """Return FAILURE, with its reason on the status line."""
+        """Return FAILURE, with its reason on the status line and as an event of the flight."""
         self.feedback_message = reason
+        self.mission.add_event(EventKind.FAILED, f"{self.task}: {reason}", self.path)
         return Status.FAILURE
+
+    @property
+    def task(self) -> str:
+        """What the leaf does, for events; by default its name."""
+        return self.name
 
     @property
     def busy(self) -> bool:

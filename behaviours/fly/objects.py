@@ -49,6 +49,7 @@ class MapLeaf(Leaf):
     """Base of the leaves that answer by the site map; FAILURE without one."""
 
     reads: ClassVar[tuple[Key[Any], ...]] = (SITE_MAP,)
+    needed = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Take the margins of the place; raises UnknownNameError for a class that the lab lacks."""
@@ -159,7 +160,6 @@ class ViewPoints(MapLeaf):
     PLACES: ClassVar = Port("places", str, direction="output", doc=_VIEWS)
     group = "Looking"
     answers = (Status.SUCCESS, Status.FAILURE)
-    needed = (SITE_MAP,)
     ports = (
         OF,
         number("distance_m", 1.0, 0.3, 10, _FROM),

@@ -25,6 +25,7 @@ from uav_bt.types.site_map import SiteMap
 _DOUBTED_S: Final = 1.0  # the map is not used when the views have contradicted it for longer
 FACING_RAD: Final = math.radians(4)  # largest error of a heading
 _FACED_S: Final = 0.3  # a place counts as faced after this time
+BELOW_RAD: Final = math.radians(-55)  # shows the ground ahead; the map takes no steeper views
 NO_MAP: Final = "no map, or the views contradict it"
 
 
@@ -78,6 +79,12 @@ class PlaceLeaf(CourseLeaf):
         self.drop_course()
         self._place: Place | None = None  # `body:` is replaced by where it was at the beginning
         self._progress_s = self._worked_s = self.leaf_clock.now()
+
+    @property
+    def task(self) -> str:
+        """The leaf's name, and its place."""
+        place = "" if self.place_port is None else f" {self.port_value(self.place_port.name)}"
+        return f"{self.name}{place}"
 
     def gives_way(self) -> bool:
         """Avoid a mover if the port `gives_way` is set; that time is not one without progress.

@@ -13,8 +13,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from behaviours.fly.moving_leaf import LeafClock, camera_points_at
+from behaviours.path.movers import raised_m
 from behaviours.ports import number
-from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import (
+    CLASS_MAP,
+    ELAPSED,
+    FLIGHT_HEIGHT,
+    FRAME,
+    ODOMETRY,
+    PHASE,
+    SITE_MAP,
+    STATE,
+)
 from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.errors import InputError
 from uav_bt.protocols import StillState
@@ -23,6 +33,7 @@ from uav_bt.tree.script.parser import fill_text, parse_text
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase, wrap_angle
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.flight_results import FRAME_OF_RESULTS, EventKind, Photo, reported_pose
+from uav_bt.types.site_map import SiteMap
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -38,6 +49,7 @@ _SAME_S: Final = 1e-6  # ticks are a tenth of a second, and floats add up
 # `harsh` the noise of one sample reaches 0.31 m/s and 18 degrees a second, over half a second 0.21
 # m/s and 5.
 _SPAN_S: Final = 0.5  # velocity and heading are averaged over this time
+_HIGHER_M: Final = 0.1  # smaller differences in height are errors of control
 _STEADY_MPS: Final = 0.2
 _STEADY_RADPS: Final = math.radians(8)
 
@@ -115,7 +127,7 @@ class TakePhoto(Leaf):
         number("timeout_s", 5.0, 0.1, 600, _WAIT),
         Port("camera_photo", bool, True, "whether the drone's own camera takes one, too (ANAFI)"),
     )
-    reads = (STATE, FRAME, ELAPSED, CLASS_MAP, ODOMETRY, SITE_MAP)
+    reads = (STATE, FRAME, ELAPSED, CLASS_MAP, ODOMETRY, SITE_MAP, FLIGHT_HEIGHT)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -232,9 +244,16 @@ class TakePhoto(Leaf):
             time_s=round(elapsed_s - (self.clock.now() - frame.captured_s), 3),
             pose=None if site_map is None else reported_pose(site_map.pose, site_map.start),
             height_m=round(frame.height_above_ground_m, 3),
+            raised_m=self._raised_m(frame, site_map),
             gimbal_pitch_deg=round(math.degrees(frame.gimbal_pitch_rad), 1),
         )
         return _Shot(name, photo, frame, class_map)
+
+    def _raised_m(self, frame: Frame, site_map: SiteMap | None) -> float:
+        """Return by how much the drone flies above the flight height because of a mover."""
+        flight_m, most_m = self.read(FLIGHT_HEIGHT).value, raised_m(site_map)
+        higher_m = 0.0 if flight_m is None else frame.height_above_ground_m - flight_m
+        return round(min(higher_m, most_m), 2) if higher_m > _HIGHER_M else 0.0
 
     def _store(self, folder: FlightFolder, shot: _Shot) -> Status:
         """Write the files of a photograph: `NAME.jpg`, `NAME-classes.png` and `NAME.json`."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Self
 
-from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
+from behaviours.path.movers import RAISED_S
 from behaviours.policies.view import current_view
 from behaviours.ports import StageTimer
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, RAISED, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Status
 from uav_bt.types.flight_results import EventKind
@@ -66,8 +66,8 @@ class MapSite(Leaf):
     """
 
     answers = (Status.SUCCESS,)
-    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK)
-    needed = (ODOMETRY,)
+    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK, RAISED)
+    needed = (CLASS_MAP, ODOMETRY)
     writes = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -77,7 +77,7 @@ class MapSite(Leaf):
 
         self._mapper = SiteMapper(mission.classes, mark_m=mission.mark.radius_m)
         self._timer = StageTimer(mission, "map")
-        self._last_s, self._raised = -math.inf, False  # whether leaves that give way fly higher
+        self._last_s, self._raised = -math.inf, False  # whether the drone flies higher for movers
 
     def on_inherit(self, former: Self) -> None:
         """Keep the map and the drone's pose on it."""
@@ -107,16 +107,17 @@ class MapSite(Leaf):
         return Status.SUCCESS
 
     def _tell_of_movers(self, site_map: SiteMap) -> None:
-        """Add an event when leaves that give way begin and end to fly higher."""
-        if (raised_m(site_map) > 0.0) == self._raised:
+        """Add an event when the leaf that flies begins and ends to fly higher for movers."""
+        raised_m = self.read(RAISED).value  # None: no leaf gives way
+        if raised_m is None or (raised_m > 0.0) == self._raised:
             return
         self._raised = not self._raised
-        text = f"no mover for {RAISED_S:.0f} s: leaves that give way return to the flight height"
+        text = f"flies at the flight height again: no mover for {RAISED_S:.0f} s"
         if self._raised:
             place = ""
             if site_map.movers:
                 newest = max(site_map.movers, key=lambda mover: mover.first_s)
                 x_m, y_m = site_map.start.to_body(newest.x_m, newest.y_m)
                 place = f" at start:{x_m:.1f},{y_m:.1f}"
-            text = f"a mover{place}: leaves that give way fly {ABOVE_M} m higher"
+            text = f"flies {raised_m:g} m higher: a mover{place}"
         self.mission.add_event(EventKind.INFO, text, self.path)

@@ -17,6 +17,7 @@ from uav_bt.board.keys import MARK as MARK
 from uav_bt.board.keys import METRIC_DEPTH as METRIC_DEPTH
 from uav_bt.board.keys import MISSION_KEYS as MISSION_KEYS
 from uav_bt.board.keys import ODOMETRY as ODOMETRY
+from uav_bt.board.keys import PERCEIVED_KEYS as PERCEIVED_KEYS
 from uav_bt.board.keys import PHASE as PHASE
 from uav_bt.board.keys import RAISED as RAISED
 from uav_bt.board.keys import RECENT_VIEWS as RECENT_VIEWS

@@ -140,6 +140,11 @@ class FlightNotes:
         self._photo += 1
         return self._photo
 
+    def told(self) -> dict[str, str]:
+        """Return the failures that leaves have told of since the last `take`, by path."""
+        kinds = (EventKind.FAILED, EventKind.NO_PHOTO)
+        return {one.node: one.text for one in self.events[self._taken :] if one.kind in kinds}
+
     def take(self) -> tuple[FlightEvent, ...]:
         """Return the events since the last call."""
         new = tuple(self.events[self._taken :])

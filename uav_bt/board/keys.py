@@ -111,3 +111,5 @@ AREA_MARGIN: Final = _number(
 )
 
 MISSION_KEYS: Final = tuple(each for each in tuple(globals().values()) if isinstance(each, Key))
+# Of `trees/lib/perceive.xml`.
+PERCEIVED_KEYS: Final = (CLASS_MAP, MARK, ODOMETRY, SITE_MAP, METRIC_DEPTH, CORRIDOR)

@@ -22,7 +22,7 @@ from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState, LandingMark, MoveBy, Velocity
-from uav_bt.types.flight_results import EventKind
+from uav_bt.types.flight_results import EventKind, shown_events
 
 _REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent
@@ -34,10 +34,10 @@ _ACT: Final = {  # actions for the operator; they stay on the screen
 _MESSAGES: Final = {  # events that are shown at once, with their colours
     EventKind.INFO: "",
     EventKind.WARNING: "yellow",
+    EventKind.FAILED: "yellow",
     EventKind.PHOTO: "",
     EventKind.NO_PHOTO: "yellow",
 }
-_SUMMED_UP: Final = frozenset(EventKind) - {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED}
 _EVENTS: Final = 10  # of the summary, at most
 
 
@@ -201,7 +201,7 @@ def _rows(report: FlightReport, mark: LandingMark) -> Iterator[tuple[str, str]]:
     yield from _map_facts(report)
     if report.photos:
         yield "photos", f"{len(report.photos)} stored"
-    events = [event for event in report.events if event.kind in _SUMMED_UP]
+    events = [*shown_events(report.events)]
     yield from _named("events", events[-_EVENTS:])
     if len(events) > _EVENTS:
         yield "", f"and {len(events) - _EVENTS} before, in the report"

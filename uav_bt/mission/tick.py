@@ -11,6 +11,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
 from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.watches import BranchEnds, SlowLeaf
 from uav_bt.types import Command, Observation, Truth
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -88,10 +89,12 @@ class EventWatch:
         self, override: Override | None, refused: tuple[str, ...], ends: BranchEnds, *, landed: bool
     ) -> None:
         """Add the events of a tick; `refused` says why frame or telemetry were refused in it."""
-        add = self._context.add_event
-        for node in ends.failed:
-            self.failure = _words(node)
-            add(EventKind.FAILED, self.failure, node.path)
+        add, told = self._context.add_event, self._context.notes.told()
+        for node in (*ends.failed, *ends.expected):
+            self.failure = told.get(node.path, _words(node))
+            if node.path not in told:
+                kind = EventKind.FAILED if node in ends.failed else EventKind.EXPECTED
+                add(kind, self.failure, node.path)
         phase = self._context.board.read(PHASE).value or ""
         if phase != self.phase:
             self.phase = phase
@@ -101,10 +104,11 @@ class EventWatch:
             add(EventKind.LANDED, "the drone landed")
         self._flew = not landed
         if ends.ended is not None:
-            how = "succeeded" if ends.succeeded else "failed"
+            how, path = "succeeded" if ends.succeeded else "failed", ends.ended.path
             if ends.ended.feedback_message and not ends.succeeded:
-                self.failure = _words(ends.ended)
-            add(EventKind.ENDED, f"the tree {how} at {_words(ends.ended)}", ends.ended.path)
+                self.failure = told.get(path, _words(ends.ended))
+            where = ends.ended.name if path in told else _words(ends.ended)
+            add(EventKind.ENDED, f"the tree {how} at {where}", path)
 
     def _note_override(self, override: Override | None, reasons: tuple[str, ...]) -> None:
         before, self._override = self._override, override
@@ -123,5 +127,9 @@ class EventWatch:
 
 
 def _words(node: Node) -> str:
-    """Return a node's name, with its reason if it gave one."""
-    return f"{node.name}: {node.feedback_message}" if node.feedback_message else node.name
+    """Return a node's name, with its reason if it gave one; of what, for an unnamed decorator."""
+    name, below = node.name, node
+    while below.name == below.node_id and isinstance(below, DecoratorNode):
+        below = below.child
+        name = f"{node.name} of {below.name}"
+    return f"{name}: {node.feedback_message}" if node.feedback_message else name

@@ -19,14 +19,12 @@ from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel
-from uav_bt.types.flight_results import EventKind
 from uav_bt.types.ground import Ground
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
-_USUAL: Final = frozenset(
-    {EventKind.INFO, EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.ENDED}
-)  # the log's other events are warnings
+# The events of other kinds are warnings in the log.
+_USUAL: Final = ("info", "expected", "phase", "photo", "landed", "ended")
 
 
 class FlightRecorder:

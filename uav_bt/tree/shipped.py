@@ -57,7 +57,7 @@ def tree_files(tree: str | Path) -> tuple[Path, ...]:
 STARTERS: Final = {
     "hover": "hover_and_look",
     "land": "land_only",
-    "explore": "explore_and_land_segmentation",
+    "explore": "survey_and_land",
 }
 """Shipped missions that a new mission can start from, by short name, the smallest first."""
 

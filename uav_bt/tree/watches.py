@@ -13,12 +13,12 @@ import logging
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+from uav_bt.tree import nodes
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.observer import NodeEvent, observe
 
 _log: Final = logging.getLogger(__name__)
@@ -55,7 +55,8 @@ class BudgetWatch:
 
     def follow(self, tree: MissionTree) -> None:
         """Measure the leaves of another tree as well."""
-        observe([leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES], self._note)
+        builtin = nodes.BUILTIN_NODES
+        observe([leaf for leaf in tree.leaves() if type(leaf) not in builtin], self._note)
 
     def take(self) -> tuple[SlowLeaf, ...]:
         """Return the leaves that exceeded their budgets since the last call."""
@@ -78,7 +79,10 @@ class BudgetWatch:
 class BranchEnds:
     """The ends of branches in one tick."""
 
-    failed: tuple[Node, ...] = ()  # causes of the failures of branches that ran before, each once
+    # Causes of the failures of branches that ran before, each once: those that change the course of
+    # the mission, and those after which the tree is written to go on.
+    failed: tuple[Node, ...] = ()
+    expected: tuple[Node, ...] = ()
     ended: Node | None = None  # at which the whole tree ended; None: it goes on
     succeeded: bool = False  # whether it ended with SUCCESS
 
@@ -90,6 +94,7 @@ class BranchWatch:
         self._running: set[Node] = set()
         self._failed: dict[Node, bool] = {}  # in this tick, and whether it ran
         self._succeeded: set[Node] = set()
+        self._halted: set[Node] = set()
         self.follow(tree)
 
     def follow(self, tree: MissionTree) -> None:
@@ -101,12 +106,19 @@ class BranchWatch:
         """Return the ends since the last call; call it after each tick."""
         failed, self._failed = self._failed, {}
         succeeded, self._succeeded = self._succeeded, set()
+        halted, self._halted = self._halted, set()
         causes = dict.fromkeys(_cause(node, failed) for node, lasted in failed.items() if lasted)
-        if self._root not in failed and self._root not in succeeded:
-            return BranchEnds(failed=tuple(causes))
-        ended = _cause(self._root, failed if self._root in failed else succeeded)
-        others = tuple(cause for cause in causes if cause is not ended)
-        return BranchEnds(failed=others, ended=ended, succeeded=self._root not in failed)
+        ended = None
+        if self._root in failed or self._root in succeeded:
+            ended = _cause(self._root, failed if self._root in failed else succeeded)
+            causes.pop(ended, None)
+        turns = [cause for cause in causes if _changes_course(cause, failed, halted)]
+        return BranchEnds(
+            failed=tuple(turns),
+            expected=tuple(cause for cause in causes if cause not in turns),
+            ended=ended,
+            succeeded=self._root in succeeded,
+        )
 
     def _note(self, node: Node, event: NodeEvent) -> None:
         if event is NodeEvent.CONTINUES:
@@ -119,9 +131,33 @@ class BranchWatch:
             self._running.discard(node)
         elif event in (NodeEvent.HALTED, NodeEvent.SKIPPED):
             self._running.discard(node)
+            if event is NodeEvent.HALTED:
+                self._halted.add(node)
 
 
 def _cause(node: Node, answered: Collection[Node]) -> Node:
     """Return the deepest node below that gave the same answer in this tick; the last of several."""
     below = [child for child in node.children if child in answered]
     return _cause(below[-1], answered) if below else node
+
+
+def _changes_course(cause: Node, failed: Collection[Node], halted: Collection[Node]) -> bool:
+    """Return whether a failure changes the course of the mission, or is expected by the tree.
+
+    It changes the course where a Sequence ends by it, and where it ends a running child of a
+    ReactiveSequence, in whose place a Fallback runs another one. A loop that begins again, or that
+    runs until a failure, expects it.
+    """
+    node: Any = cause
+    ends = interrupts = False
+    while (parent := node.parent) is not None:
+        if isinstance(parent, nodes.KeepRunningUntilFailure):
+            ends = interrupts = False
+        ends |= isinstance(parent, nodes.Sequence | nodes.TryCatch)
+        if isinstance(parent, nodes.ReactiveSequence):
+            interrupts |= any(child in halted for child in parent.children if child is not node)
+        if parent not in failed:
+            ends |= interrupts and isinstance(parent, nodes.Fallback | nodes.ReactiveFallback)
+            return ends and not isinstance(parent, nodes.RetryUntilSuccessful)
+        node = parent
+    return True

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,7 +22,8 @@ class EventKind(enum.StrEnum):
     INFO = "info"  # a leaf's message
     WARNING = "warning"  # the same, of greater weight
     PHASE = "phase"  # another phase of the mission began
-    FAILED = "failed"  # a running branch of the tree failed
+    FAILED = "failed"  # a branch of the tree failed, and the mission takes another course
+    EXPECTED = "expected"  # a running branch failed, as the tree is written to go on
     OVERRIDE = "override"  # the arbiter overrides the tree
     OVERRIDE_OVER = "override over"
     PILOT = "pilot"  # a person took over
@@ -45,6 +48,18 @@ class FlightEvent:
         return f"{self.time_s:.1f} s  {self.kind}: {self.text}"
 
 
+_UNSHOWN: Final = {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.EXPECTED}
+
+
+def shown_events(events: Sequence[FlightEvent]) -> Iterator[str]:
+    """Yield what changed the course of a mission; what repeats comes once, with its number."""
+    shown = [event for event in events if event.kind not in _UNSHOWN]
+    times = Counter((event.kind, event.text) for event in shown)
+    for event in shown:
+        if count := times.pop((event.kind, event.text), 0):
+            yield f"{event} ({count} times)" if count > 1 else str(event)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReportedPose:
     """Position and heading of the drone as results state them, in `FRAME_OF_RESULTS`."""
@@ -64,6 +79,7 @@ class Photo:
     time_s: float  # of the capture, since the take-off command
     pose: ReportedPose | None
     height_m: float  # above the ground plane
+    raised_m: float = 0.0  # how much of it the drone flew above its flight height for a mover
     gimbal_pitch_deg: float  # 0 level, negative down
     # The photograph of the drone's own camera: its file, fetched after the landing, and its
     # identifier on the drone's memory card. None: the camera took none.

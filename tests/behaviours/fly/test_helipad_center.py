@@ -166,7 +166,9 @@ def test_lost_for_too_long_is_a_failure() -> None:
     assert search(bench, 3.9, height_m=2.3) is Status.RUNNING
     assert search(bench, 0.2, height_m=2.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
-    assert bench.feedback == "mark lost"
+    assert bench.feedback == "mark lost: not centred in 5 s"
+    (event,) = bench.notes.events
+    assert (event.kind, event.text) == ("failed", f"HelipadCenter: {bench.feedback}")
 
 
 TAG = tag_mark(height_m=0.0)

@@ -1,6 +1,7 @@
 """Keeping away from near obstacles, edges and movers."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -172,6 +173,8 @@ def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: floa
     bench = flown(leaf, COMES, yaw_rad=yaw_rad)
     way = velocity(bench)
     assert gives_way(bench)
+    (told,) = (event.text for event in bench.notes.events)
+    assert re.fullmatch(r"gives way to a mover \d\.\d m away", told)
     x_mps = math.cos(yaw_rad) * way.forward_mps - math.sin(yaw_rad) * way.right_mps
     y_mps = math.sin(yaw_rad) * way.forward_mps + math.cos(yaw_rad) * way.right_mps
     assert math.hypot(x_mps, y_mps) > 0.25

@@ -1,20 +1,21 @@
 """GoTo, Face, MoveBy and ClimbTo on drawn maps."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from behaviours.fly.go_to import GoTo
-from behaviours.fly.look import MoveBy
+from behaviours.fly.move_by import MoveBy
 from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.drawn_maps import mover
 from tests.perception.marks.mark_views import tag_mark
 from tests.worlds.leaves import ended, step, velocity
 from tests.worlds.values import corridor, fix
-from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, PHASE
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, FLIGHT_PITCH, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import drawn_map, live
@@ -307,6 +308,37 @@ def test_it_does_not_move_towards_a_wall_and_stops_for_one_that_appears() -> Non
     bench = LeafBench(MoveBy, forward_m=1.0)
     assert live(bench, site_map=on()) is Status.RUNNING
     assert live(bench, site_map=on(0.2, wall_m=1.2), seconds=0.3) is Status.FAILURE
+
+
+def test_it_looks_down_once_where_the_ground_ahead_was_not_seen() -> None:
+    unseen, seen = drawn_map(known=np.hypot(X_M - 1.5, Y_M) < 0.8), on()
+    bench = LeafBench(MoveBy, forward_m=1.0)
+    bench.board[FLIGHT_PITCH] = math.radians(-30)
+    for _ in range(20):
+        assert live(bench, site_map=unseen) is Status.RUNNING
+        assert bench.pointed == GimbalTo(pitch_rad=math.radians(-55))
+        assert isinstance(bench.proposed, Velocity)  # it swings to both sides
+    live(bench, site_map=seen)
+    assert (step(bench).forward_m, step(bench).right_m) == pytest.approx((1.0, 0.0), abs=0.01)
+    for moves in ({"forward_m": 1.0}, {"right_m": 1.0}):
+        bench = LeafBench(MoveBy, **moves)
+        answers = [live(bench, site_map=unseen) for _ in range(52)]
+        assert answers.index(Status.FAILURE) == (51 if "forward_m" in moves else 0)
+        assert "lower the camera (gimbal_deg of TakeOff)" in bench.notes.events[-1].text
+
+
+def test_a_blocked_way_is_an_event_with_place_and_reason() -> None:
+    for leaf, words in (
+        (
+            LeafBench(MoveBy, forward_m=1.0),
+            "MoveBy: .* an obstacle is 0.0. m from it, 0.34 m are needed",
+        ),
+        (LeafBench(GoTo, to="object:7"), "GoTo object:7: .*"),
+    ):
+        assert live(leaf, site_map=on(wall_m=0.9)) is Status.FAILURE
+        (event,) = leaf.notes.events
+        assert event.kind == "failed"
+        assert re.fullmatch(words, event.text), event.text
 
 
 def test_climbs_need_no_map_and_the_flight_goes_on_at_the_new_height() -> None:

@@ -14,7 +14,7 @@ from tests.paper_lab import CARPET
 from tests.worlds import footage
 from tests.worlds.leaves import map_with
 from tests.worlds.processes import full_disk
-from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
+from uav_bt.board import ELAPSED, FLIGHT_HEIGHT, FRAME, SITE_MAP, STATE
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import InputError
 from uav_bt.protocols import Still, StillState
@@ -76,7 +76,9 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         map_with(NearObstacles()),
         pose=Pose2D(x_m=1.0, y_m=-2.0, yaw_rad=-math.pi / 2),
         captured_s=bench.clock.now(),
+        moved_s=bench.clock.now(),
     )
+    bench.board[FLIGHT_HEIGHT] = 1.1
     assert bench.tick() is Status.SUCCESS
     name = "photo-001-box-1--2-unknown"
     assert names(tmp_path) == [f"{name}-classes.png", f"{name}.jpg", f"{name}.json"]
@@ -92,6 +94,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         "time_s": 20.0,
         "pose": {"x_m": 1.0, "y_m": -2.0, "heading_deg": 270.0},
         "height_m": 1.5,
+        "raised_m": 0.4,  # for a mover
         "gimbal_pitch_deg": -30.0,
         "camera_file": None,
         "camera_media": None,

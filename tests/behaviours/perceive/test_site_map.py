@@ -20,6 +20,7 @@ from uav_bt.board import (
     FRAME,
     HELD_TURN,
     ODOMETRY,
+    RAISED,
     RECENT_VIEWS,
     SITE_MAP,
     STATE,
@@ -182,11 +183,13 @@ def test_events_tell_of_the_climb_for_a_mover_and_of_its_end() -> None:
         if step > 10:
             ids[:70, 30 + 4 * step : 50 + 4 * step] = BOXES[0]
         look(bench, ids=ids)
-    look(bench, seconds=61.0)
+    assert not bench.notes.events  # no leaf gives way
+    for raised_m in (0.5, 0.0):  # by the leaf that flies
+        bench.board[RAISED] = raised_m
+        look(bench)
     higher, back = (event.text for event in bench.notes.events)
-    assert higher.startswith("a mover at start:")
-    assert higher.endswith("leaves that give way fly 0.5 m higher")
-    assert back == "no mover for 60 s: leaves that give way return to the flight height"
+    assert higher.startswith("flies 0.5 m higher: a mover at start:")
+    assert back == "flies at the flight height again: no mover for 60 s"
 
 
 # --- RememberViews and Advise ---------------------------------------------------------------------

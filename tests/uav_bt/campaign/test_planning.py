@@ -41,11 +41,12 @@ def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them(
     assert [(file.name, file.path) for file in plan.trees] == [("land_only.xml", "land_only")]
     assert [file.path for file in plan.scenes] == ["val-a", "val-b", "train-a"]
     # Files of the library that the mission uses are included.
-    parts = ("land_only.xml", "lib/return_to_base.xml")
+    parts = ("land_only.xml", "lib/return_to_base.xml", "lib/perceive.xml")
     texts = [(shipped_trees() / name).read_bytes() for name in parts]
     assert plan.trees[0].sha256 == hashlib.sha256(b"\0".join(texts)).hexdigest()
     weights = (SHIPPED_WEIGHTS / "unet.onnx").read_bytes()
-    assert plan.weights == {"unet.onnx": hashlib.sha256(weights).hexdigest()}
+    assert plan.weights["unet.onnx"] == hashlib.sha256(weights).hexdigest()
+    assert set(plan.weights) == {"unet.onnx", "depth.onnx"}
 
 
 def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:

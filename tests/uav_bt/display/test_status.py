@@ -143,9 +143,13 @@ def test_a_line_ends_with_what_is_most_urgent(changes: dict[str, Any], end: str)
 def test_messages_of_leaves_are_shown_at_once_and_other_events_are_not() -> None:
     world, status, out, _ = watch()
     status.on_tick(world.tick())
-    events = (event(1.25, EventKind.WARNING, "low battery"), event(1.25, EventKind.PHASE, "land"))
-    status.on_tick(replace(world.tick(), events=events))
-    assert out.getvalue().splitlines()[1:] == ["1.2 s  warning: low battery"]
+    told = [(EventKind.WARNING, "low battery"), (EventKind.PHASE, "land")]
+    told += [(EventKind.FAILED, "GoTo mark: no way"), (EventKind.EXPECTED, "Explore: edge")]
+    status.on_tick(replace(world.tick(), events=tuple(event(1.25, *one) for one in told)))
+    assert out.getvalue().splitlines()[1:] == [
+        "1.2 s  warning: low battery",
+        "1.2 s  failed: GoTo mark: no way",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -251,9 +255,13 @@ def test_known_values_are_summed_up(changes: dict[str, Any], name: str, words: s
 def test_the_summary_has_the_last_events_but_no_phases() -> None:
     phase = event(30.0, EventKind.PHASE, "land")
     many = [event(float(n), EventKind.INFO, f"message {n}") for n in range(25)]
-    text = shown(replace(flight_report(), events=[*many, phase]))
+    usual = event(31.0, EventKind.EXPECTED, "Explore: edge")
+    again = event(40.0, EventKind.INFO, "message 20")
+    text = shown(replace(flight_report(), events=[*many, phase, usual, again]))
     assert re.findall(r"message (\d+)", text) == [str(n) for n in range(15, 25)]
+    assert "20.0 s  info: message 20 (2 times)" in text
     assert "phase" not in text
+    assert "Explore" not in text
     assert "and 15 before, in the report" in text
 
 

@@ -260,9 +260,46 @@ def test_causes_of_failures(
     for _ in range(ticks):
         bench.tick()
         ends = watch.take()
-        found.append([node.path for node in ends.failed])
+        found.append([node.path for node in (*ends.failed, *ends.expected)])
     assert found == causes
     assert (None if ends.ended is None else ends.ended.path) == ended
+
+
+TURN, HOVER, FACE = '<Turn degrees="9"/>', "<HoverFor/>", '<Face at="9"/>'
+PLAN = f"<Sequence>{TURN}{HOVER}</Sequence>"
+RETRY = '<RetryUntilSuccessful num_attempts="2">{}</RetryUntilSuccessful>'
+LOOP = "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"
+GUARD = f"<ReactiveSequence><Hovering/>{TURN}</ReactiveSequence>"
+
+
+@pytest.mark.parametrize(
+    ("tree", "mocks", "changes"),
+    [
+        (f"<Fallback>{PLAN}{FACE}</Fallback>", {"Turn": "RF"}, True),
+        (f"<ForceSuccess>{PLAN}</ForceSuccess>", {"Turn": "RF"}, True),  # a step is left out
+        (f"<Fallback>{GUARD}{FACE}</Fallback>", {"Hovering": "SF", "Turn": "R"}, True),
+        (f"<TryCatch>{TURN}{FACE}</TryCatch>", {"Turn": "RF"}, True),
+        (f"<Fallback>{TURN}{FACE}</Fallback>", {"Turn": "RF"}, False),
+        (f"<ForceSuccess>{GUARD}</ForceSuccess>", {"Hovering": "SF", "Turn": "R"}, False),
+        (f"<Inverter>{TURN}</Inverter>", {"Turn": "RF"}, False),
+        (f'<ForceSuccess><Timeout msec="100">{TURN}</Timeout></ForceSuccess>', {}, False),
+        (RETRY.format(PLAN), {"Turn": "RFR"}, False),
+        (f"<ForceSuccess>{LOOP.format(PLAN)}</ForceSuccess>", {"Turn": "RF"}, False),
+    ],
+)
+def test_a_failure_that_the_tree_expects_does_not_change_the_course(
+    tree: str, mocks: dict[str, str], *, changes: bool
+) -> None:
+    text = f"<Sequence>{tree}{FACE}</Sequence>"
+    answers = {"HoverFor": "S", "Turn": "R", "Face": "R"} | mocks
+    used = {name: answer for name, answer in answers.items() if f"<{name}" in text}
+    bench = testing.parse_tree(ROOT.format(text), mocks=used)
+    watch = BranchWatch(bench.tree)
+    bench.tick()
+    assert watch.take() == BranchEnds()
+    bench.tick()
+    ends = watch.take()
+    assert (len(ends.failed), len(ends.expected)) == (int(changes), int(not changes))
 
 
 def test_a_leaf_that_is_skipped_while_it_runs_did_not_fail() -> None:

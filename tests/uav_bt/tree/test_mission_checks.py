@@ -10,7 +10,7 @@ import pytest
 from tests.worlds.tables import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt import app
-from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
+from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, PERCEIVED_KEYS
 from uav_bt.errors import InputError, TreeError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
@@ -47,6 +47,32 @@ def test_what_can_be_flown_is_not_refused() -> None:
     inside = f'<Rules land_on="any" area="{AREA}"/>'
     assert found(MAP, UP, named, '<GoTo to="start:0.9,0"/>', DOWN, rules=inside) == []
     assert found('<HoverFor seconds="1"/>', rules='<Rules land_on="none"/>') == []
+
+
+@pytest.mark.parametrize(
+    ("leaf", "key"),
+    [
+        ('<GoTo to="start:1,0"/>', "site_map"),
+        ('<GoTo to="mark"/>', "mark"),
+        ('<MoveBy forward_m="1"/>', "site_map"),
+        ('<MoveBy up_m="1"/>', None),
+        ('<NextObject place="{p}" label="{l}"/>', "site_map"),
+        ("<Explore/>", "class_map"),
+        ("<HelipadCenter/>", "mark"),
+    ],
+)
+def test_a_leaf_that_cannot_work_without_perception_is_refused(leaf: str, key: str | None) -> None:
+    assert [text for text in found(MAP, UP, leaf, DOWN) if "it needs" in text] == []
+    texts = [text for text in found(UP, leaf, DOWN) if "it needs board key" in text]
+    assert len(texts) == (key is not None)
+    for text in texts:
+        assert f"'{key}'" in text
+        assert text.endswith(f", or {MAP}")
+
+
+def test_perceive_writes_what_its_name_is_the_remedy_for() -> None:
+    tree = parse_tree(document(f"<Sequence>{MAP}</Sequence>"), REGISTRY)
+    assert {key for leaf in tree.leaves() for key in leaf.writes} >= set(PERCEIVED_KEYS)
 
 
 def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> None:

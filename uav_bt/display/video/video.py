@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
+from textwrap import wrap
 from typing import Final
 
 from uav_bt.board.blackboard import Blackboard
@@ -20,6 +21,7 @@ from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types.arrays import Image
+from uav_bt.types.flight_results import shown_events
 
 _SIZE_PX: Final[Size] = (1280, 720)
 _LARGE: Final[Size] = (639, 359)  # of the camera's image, and of the class map alone
@@ -32,6 +34,8 @@ _HOLD_S: Final = 2.0  # video time of the outcome at the end
 _MOST_PHASES: Final = 6  # of which the last ones have room
 _FIRST_SPAN_S: Final = 30.0  # of the time bar, whose scale doubles with the flight
 _MARGIN_PX: Final = 18  # beside the time bar
+_EVENT_S: Final = 5.0  # mission time for which an event stays in the image
+_EVENT_WIDTH, _EVENT_ROWS = 76, 4  # characters of a line, and lines at most
 
 
 def open_film(path: Path, speed: float = 1.0) -> VideoFile:
@@ -58,12 +62,15 @@ class FlightVideo:
         self._flown = FlownPath()
         self._starts: list[tuple[float, str]] = []  # of the phases, with their names
         self._first_s: float | None = None
+        self._events: list[tuple[float, str]] = []  # times and lines of the newest ones
         self._slot = -1
         self._last: Image | None = None
 
     def on_tick(self, record: TickRecord) -> None:
         """Draw and write a tick; ticks between two images only extend the path."""
         self._flown.add(record)
+        for words in shown_events(record.events):
+            self._events += ((record.time_s, line) for line in wrap(words, _EVENT_WIDTH))
         if self._first_s is None:
             self._first_s = record.time_s
         # With a tolerance: times are sums of ticks.
@@ -99,6 +106,10 @@ class FlightVideo:
         image = canvas.blank(_SIZE_PX, BACKDROP)
         for left, top, pane in placed:
             image[top : top + pane.shape[0], left : left + pane.shape[1]] = pane
+        self._events = [one for one in self._events if record.time_s - one[0] < _EVENT_S]
+        for row, (_, line) in enumerate(reversed(self._events[-_EVENT_ROWS:])):
+            camera = image[: _LARGE[1], : _LARGE[0]]
+            canvas.tag(camera, line, (10, _LARGE[1] - 66 - 21 * row))
         return image
 
     def _draw_time(self, now_s: float, phase: str) -> Image:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
-from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY, Key
+from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY, PERCEIVED_KEYS, Key
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree.leaf import Leaf
@@ -282,9 +282,10 @@ def _needed_keys(uses: Uses) -> Iterator[Fault]:
     for leaf in uses.tree.leaves():
         for key in leaf.needs():
             if key not in written:
+                or_all = ', or <SubTree ID="Perceive"/>' if key in PERCEIVED_KEYS else ""
                 message = (
                     f"it needs board key '{key.name}', which no leaf of the tree writes: add "
-                    f"{key.writer}"
+                    f"{key.writer}{or_all}"
                 )
                 yield Fault(leaf, message, Rule.BOARD_KEY)
 

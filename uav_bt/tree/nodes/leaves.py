@@ -68,8 +68,10 @@ class ScriptCondition(Leaf):
 
     def update(self) -> Status:
         """Run the script and judge."""
-        result = parse_script(self.port(self.CODE)).run(self.environment)
-        return SUCCESS if truth(result) else FAILURE
+        code = self.port(self.CODE)
+        holds = truth(parse_script(code).run(self.environment))
+        self.feedback_message = "" if holds else f"'{code}' is false"
+        return SUCCESS if holds else FAILURE
 
 
 class Precondition(DecoratorNode):
@@ -171,7 +173,7 @@ class Timeout(DecoratorNode):
         now_s = self.clock.now()
         if self._deadline_s is None:
             self._deadline_s = now_s + limit_msec / 1000 if limit_msec > 0 else float("inf")
-            self._expired = False
+            self._expired, self.feedback_message = False, ""
             self.set_status(RUNNING)
         if not self._expired and now_s >= self._deadline_s - _EPSILON_S:
             # As in the engine, the timer expires once; a child not running then is left alone.
@@ -179,6 +181,7 @@ class Timeout(DecoratorNode):
             if self.child.node_status is RUNNING:
                 self.child.reset()
                 self._deadline_s = None
+                self.feedback_message = f"stopped after {limit_msec / 1000:g} s"
                 return FAILURE
         status = self.child.execute_tick()
         if status is SUCCESS or status is FAILURE:

@@ -2,9 +2,11 @@
 
 import math
 from contextlib import closing
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import av
 import numpy as np
@@ -21,6 +23,7 @@ from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, MissingDependencyError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import Pose
+from uav_bt.types.flight_results import EventKind, FlightEvent
 
 
 def panes_of(world: World, **changes: Any) -> FlightVideo:
@@ -85,6 +88,17 @@ def test_the_four_panes_show_what_is_on_the_board() -> None:
     for words in (without[:359, :639], without[361:, :639]):  # no image yet, a stale class map
         assert tuple(words[300, 300]) == PANEL
         assert len(np.unique(words.reshape(-1, 3), axis=0)) > 1, "a text"
+
+
+def test_an_event_stays_in_the_film_for_a_while() -> None:
+    world = World()
+    video, images = panes_of(world), []
+    video._file = Mock()
+    happens = FlightEvent(time_s=0.1, kind=EventKind.INFO, text="gives way to a mover")
+    for events, after_s in (((), 0.1), ((happens,), 0.1), ((), 6.0), ((), 0.1)):
+        video.on_tick(replace(world.tick(after_s=after_s), events=events))
+        images.append(video._last[285:315, :640])
+    assert [bool((one != images[0]).any()) for one in images] == [False, True, True, False]
 
 
 @pytest.mark.parametrize("asked", [True, False], ids=["asked for", "seen"])
