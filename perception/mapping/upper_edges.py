@@ -1,0 +1,161 @@
+"""Upper edges of the map's objects in a view, and the heights above the ground that they give.
+
+The map knows where an object stands, so that one image row per bearing states its height, whether
+or not the image shows its base. A vertical line on its near side is followed upwards through the
+class map: the height is that of the line where the object's class ends. A tall object is seen from
+a distance, or with the camera raised.
+
+- *An upper face* of another class begins there: the edge is that of the near side.
+- *Above the camera* no upper face is visible, and the edge is that of the near side, too.
+- *Below the camera* the edge of an object with one class is somewhere above its base. Its middle
+  counts, in views in which near and far side give about the same height.
+
+Bearings that pass another object of the class are left out: the two would look like one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from perception.mapping.view import View
+from uav_bt.compiled import compiled
+from uav_bt.lab.classes import NO_ROLE
+from uav_bt.types.arrays import Flags, Floats, Ids
+from uav_bt.types.projection import camera_axes
+from uav_bt.types.site_map import MapObject
+
+_BEARINGS: Final = 9  # of an object in a view
+_MIN_BEARINGS: Final = 3  # with an upper edge, for a height; chosen
+_INSET: Final = 0.15  # of an object's width, left out at its ends against errors of its place; chosen
+_BESIDE_M: Final = 0.1  # a line of sight keeps this from other objects of the class; chosen
+_UNSURE_M: Final = 0.15  # largest difference between heights by near and by far side; chosen
+_STEEPEST: Final = 10.0  # rise over range up to which a line is followed
+# Above the upper edge of an object on legs nothing of it is seen for this height. Between the
+# boards of a rack one sees what is behind it. Chosen.
+_CLEAR_M: Final = 0.7
+_MIN_PX: Final = 2.0  # length of the object below its upper edge, and of what is above it; chosen
+
+
+def upper_edges(view: View, objects: Sequence[MapObject]) -> Floats:
+    """Return the heights of objects above the ground, (N,) metres; NaN where none is seen.
+
+    The view is placed in the map's frame.
+    """
+    if not objects:
+        return np.empty(0)
+    classes, lens = view.class_map.classes, view.lens
+    corners_m = lens.points_to_body(np.concatenate([one.corners_m() for one in objects]))
+    ids = np.array([one.class_id for one in objects], dtype=np.uint8)
+    heights_m = _heights(
+        view.class_map.ids,
+        np.ascontiguousarray(corners_m.reshape(-1, 4, 2)),
+        ids,
+        np.where(classes.top_of[ids] == 0, NO_ROLE, classes.top_of[ids]).astype(np.uint8),
+        classes.legs_m[ids] > 0.0,
+        view.height_m,
+        camera_axes(view.pitch_rad),
+        view.camera.pinhole_px,
+    )
+    known = np.isfinite(heights_m)
+    rows = known.sum(axis=1) >= _MIN_BEARINGS
+    found_m = np.full(len(objects), np.nan)
+    found_m[rows] = np.nanmedian(heights_m[rows], axis=1)
+    return found_m
+
+
+@compiled("UniTuple(float64, 2)(float64[:, ::1], float64, float64, float64)")
+def _crossing(corners_m: Floats, x: float, y: float, beside_m: float) -> tuple[float, float]:
+    """Return the ranges at which a ray of unit length enters and leaves a rectangle, m.
+
+    The rectangle is wider by a distance on all sides. Infinity and 0 where the ray misses it.
+    """
+    near_m, far_m = 0.0, np.inf
+    middle_x, middle_y = corners_m[:, 0].mean(), corners_m[:, 1].mean()
+    for side in range(2):
+        along_x = corners_m[side + 1, 0] - corners_m[side, 0]
+        along_y = corners_m[side + 1, 1] - corners_m[side, 1]
+        length_m = max(np.hypot(along_x, along_y), 1e-6)
+        along_x, along_y = along_x / length_m, along_y / length_m
+        half_m = length_m / 2 + beside_m
+        middle_m, speed = middle_x * along_x + middle_y * along_y, x * along_x + y * along_y
+        if abs(speed) < 1e-9:
+            if abs(middle_m) > half_m:
+                return np.inf, 0.0
+            continue
+        near_m = max(near_m, min((middle_m - half_m) / speed, (middle_m + half_m) / speed))
+        far_m = min(far_m, max((middle_m - half_m) / speed, (middle_m + half_m) / speed))
+    return (near_m, far_m) if near_m < far_m else (np.inf, 0.0)
+
+
+@compiled(
+    "float64[:, ::1](uint8[:, ::1], float64[:, :, ::1], uint8[::1], uint8[::1], boolean[::1],"
+    " float64, float64[:, ::1], UniTuple(float64, 4))"
+)
+def _heights(  # noqa: PLR0917 - Numba passes arguments by position
+    image: Ids,
+    corners_m: Floats,
+    ids: Ids,
+    tops: Ids,
+    legs: Flags,
+    height_m: float,
+    axes: Floats,
+    pinhole_px: tuple[float, float, float, float],
+) -> Floats:
+    """Return the heights of N objects on each of their bearings, (N, _BEARINGS); NaN if unknown."""
+    fx, fy, cx, cy = pinhole_px
+    heights_m = np.full((len(ids), _BEARINGS), np.nan)
+    step, least = 0.5 / fy, int(2 * _MIN_PX)
+    bottom = (image.shape[0] - cy) / fy
+    ahead = axes[0, 2] + bottom * axes[0, 1]
+    lowest = -(axes[2, 2] + bottom * axes[2, 1]) / ahead if ahead > 0.0 else -_STEEPEST
+    for one in range(len(ids)):
+        if corners_m[one, :, 0].min() <= 0.0:
+            continue  # beside or behind the camera
+        bearings = np.arctan2(corners_m[one, :, 1], corners_m[one, :, 0])
+        first, width = bearings.min(), bearings.max() - bearings.min()
+        for number in range(_BEARINGS):
+            share = _INSET + (1.0 - 2.0 * _INSET) * number / (_BEARINGS - 1)
+            bearing = first + width * share
+            x, y = np.cos(bearing), np.sin(bearing)
+            near_m, far_m = _crossing(corners_m[one], x, y, 0.0)
+            for other in range(len(ids)):
+                if other != one and ids[other] == ids[one]:
+                    if _crossing(corners_m[other], x, y, _BESIDE_M)[1] > 0.0:
+                        far_m = 0.0
+            if far_m <= near_m:
+                continue
+            rise, edge, sure = max(-height_m / near_m, lowest), np.nan, False
+            # Samples of the object, off it, of its upper face in a row; and above the edge.
+            own, off, face, clear = 0, 2 * least, 0, 0
+            while rise < _STEEPEST and not sure:
+                depth = x * axes[0, 2] + y * axes[1, 2] - rise * axes[2, 2]
+                across = x * axes[0, 0] + y * axes[1, 0] - rise * axes[2, 0]
+                down = x * axes[0, 1] + y * axes[1, 1] - rise * axes[2, 1]
+                rise += step
+                if depth <= 1e-9:
+                    continue
+                column, row = np.rint(fx * across / depth + cx), np.rint(fy * down / depth + cy)
+                if row < 0:
+                    break
+                if row >= image.shape[0] or column < 0 or column >= image.shape[1]:
+                    continue
+                found = image[int(row), int(column)]
+                own, off = (own + 1, 0) if found == ids[one] else (0, off + 1)
+                face = face + 1 if off > 0 and found == tops[one] else 0
+                clear += 1
+                if own >= least:
+                    edge, clear = rise - step / 2, 0
+                elif face == least and off <= least + 1:
+                    edge, sure = rise - step * (least + 0.5), True
+                elif clear >= least and not legs[one]:
+                    sure = not np.isnan(edge)
+            if not sure and not (legs[one] and clear * step * near_m >= _CLEAR_M):
+                continue
+            if tops[one] != NO_ROLE or edge > 0.0:
+                far_m = near_m
+            if edge * (near_m - far_m) <= _UNSURE_M:
+                heights_m[one, number] = height_m + edge * (near_m + far_m) / 2
+    return heights_m
