@@ -29,6 +29,7 @@ VISITED: Final = Key("visited", str, _CHOSEN, writer="NextObject")
 _CLASS: Final = "class of the object, such as box_5, or several with ; between them; empty: any"
 CLASS: Final = Port("class", str, "", _CLASS)
 _ORDERS: Final = ("nearest", "highest", "largest", "farthest")
+_FIRST: Final = f"which comes first: {', '.join(_ORDERS)}"
 _VIEWS: Final = "places such as start:1,0@90;start:2,1@180, for LoopString"
 _FROM: Final = "distance from the side of the object, or from the other place, m"
 
@@ -124,7 +125,7 @@ class NextObject(MapLeaf):
     a map.
     """
 
-    ORDER: ClassVar = Port("order", str, "nearest", "which comes first", choices=_ORDERS)
+    ORDER: ClassVar = Port("order", str, "nearest", _FIRST, choices=_ORDERS)
     PLACE: ClassVar = Port("place", str, direction="output", doc="the object, such as object:3")
     LABEL: ClassVar = Port("label", str, direction="output", doc="its class, such as box_5")
     answers = (Status.SUCCESS, Status.FAILURE)

@@ -123,9 +123,7 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
     if on_legs.any():
         runs = first_runs(roles, OBSTACLE, _MIN_RUN)
         covered = cover_below(level_m, ids, roles, classes, runs)
-    return GroundScan(
-        level_m, ids, roles, image_roles, height_m, covered=covered, on_legs=on_legs
-    )
+    return GroundScan(level_m, ids, roles, image_roles, height_m, covered=covered, on_legs=on_legs)
 
 
 def find_bases(scan: GroundScan) -> Bases:

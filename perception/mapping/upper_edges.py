@@ -29,7 +29,7 @@ from uav_bt.types.site_map import MapObject
 
 _BEARINGS: Final = 9  # of an object in a view
 _MIN_BEARINGS: Final = 3  # with an upper edge, for a height; chosen
-_INSET: Final = 0.15  # of an object's width, left out at its ends against errors of its place; chosen
+_INSET: Final = 0.15  # share of an object's width, left out at either end for errors; chosen
 _BESIDE_M: Final = 0.1  # a line of sight keeps this from other objects of the class; chosen
 _UNSURE_M: Final = 0.15  # largest difference between heights by near and by far side; chosen
 _STEEPEST: Final = 10.0  # rise over range up to which a line is followed
@@ -49,11 +49,11 @@ def upper_edges(view: View, objects: Sequence[MapObject]) -> Floats:
     classes, lens = view.class_map.classes, view.lens
     corners_m = lens.points_to_body(np.concatenate([one.corners_m() for one in objects]))
     ids = np.array([one.class_id for one in objects], dtype=np.uint8)
+    faces = np.where(classes.top_of[ids] == 0, np.uint8(NO_ROLE), classes.top_of[ids])
     heights_m = _heights(
-        view.class_map.ids,
+        np.ascontiguousarray(view.class_map.ids),
         np.ascontiguousarray(corners_m.reshape(-1, 4, 2)),
-        ids,
-        np.where(classes.top_of[ids] == 0, NO_ROLE, classes.top_of[ids]).astype(np.uint8),
+        np.column_stack([ids, faces]),
         classes.legs_m[ids] > 0.0,
         view.height_m,
         camera_axes(view.pitch_rad),
@@ -91,71 +91,93 @@ def _crossing(corners_m: Floats, x: float, y: float, beside_m: float) -> tuple[f
 
 
 @compiled(
-    "float64[:, ::1](uint8[:, ::1], float64[:, :, ::1], uint8[::1], uint8[::1], boolean[::1],"
-    " float64, float64[:, ::1], UniTuple(float64, 4))"
+    "float64(uint8[:, ::1], UniTuple(uint8, 2), boolean, UniTuple(float64, 3), float64,"
+    " float64[:, ::1], UniTuple(float64, 4))"
+)
+def _edge(  # noqa: PLR0917 - Numba passes arguments by position
+    image: Ids,
+    classes: tuple[int, int],
+    on_legs: bool,  # noqa: FBT001
+    ray: tuple[float, float, float],
+    start: float,
+    axes: Floats,
+    pinhole_px: tuple[float, float, float, float],
+) -> float:
+    """Return the rise over range at which an object ends on a vertical line; NaN if unknown.
+
+    `classes` are those of its sides and its upper face. `ray` is the unit vector and the range of
+    the line; `start` is where it begins.
+    """
+    fx, fy, cx, cy = pinhole_px
+    x, y, range_m = ray
+    step, least = 0.5 / fy, int(2 * _MIN_PX)
+    rise, edge = start, np.nan
+    # Samples of the object, off it, of its upper face in a row; and above the edge.
+    own, off, face, clear = 0, 2 * least, 0, 0
+    while rise < _STEEPEST:
+        depth = x * axes[0, 2] + y * axes[1, 2] - rise * axes[2, 2]
+        across = x * axes[0, 0] + y * axes[1, 0] - rise * axes[2, 0]
+        down = x * axes[0, 1] + y * axes[1, 1] - rise * axes[2, 1]
+        rise += step
+        if depth <= 1e-9:
+            continue
+        column, row = np.rint(fx * across / depth + cx), np.rint(fy * down / depth + cy)
+        if row < 0:
+            break
+        if row >= image.shape[0] or column < 0 or column >= image.shape[1]:
+            continue
+        seen = image[int(row), int(column)]
+        own, off = (own + 1, 0) if seen == classes[0] else (0, off + 1)
+        face = face + 1 if off > 0 and seen == classes[1] else 0
+        clear += 1
+        if own >= least:
+            edge, clear = rise - step / 2, 0
+        elif face == least and off <= least + 1:
+            return rise - step * (least + 0.5)
+        elif clear >= least and not on_legs and not np.isnan(edge):
+            return edge
+    return edge if on_legs and clear * step * range_m >= _CLEAR_M else np.nan
+
+
+@compiled(
+    "float64[:, ::1](uint8[:, ::1], float64[:, :, ::1], uint8[:, ::1], boolean[::1], float64,"
+    " float64[:, ::1], UniTuple(float64, 4))"
 )
 def _heights(  # noqa: PLR0917 - Numba passes arguments by position
     image: Ids,
     corners_m: Floats,
-    ids: Ids,
-    tops: Ids,
-    legs: Flags,
+    classes: Ids,
+    on_legs: Flags,
     height_m: float,
     axes: Floats,
     pinhole_px: tuple[float, float, float, float],
 ) -> Floats:
-    """Return the heights of N objects on each of their bearings, (N, _BEARINGS); NaN if unknown."""
-    fx, fy, cx, cy = pinhole_px
-    heights_m = np.full((len(ids), _BEARINGS), np.nan)
-    step, least = 0.5 / fy, int(2 * _MIN_PX)
-    bottom = (image.shape[0] - cy) / fy
+    """Return the heights of N objects on each of their bearings, (N, _BEARINGS); NaN if unknown.
+
+    `classes`, (N, 2), are those of sides and upper faces.
+    """
+    heights_m = np.full((len(corners_m), _BEARINGS), np.nan)
+    bottom = (image.shape[0] - pinhole_px[3]) / pinhole_px[1]
     ahead = axes[0, 2] + bottom * axes[0, 1]
     lowest = -(axes[2, 2] + bottom * axes[2, 1]) / ahead if ahead > 0.0 else -_STEEPEST
-    for one in range(len(ids)):
+    for one in range(len(corners_m)):
         if corners_m[one, :, 0].min() <= 0.0:
             continue  # beside or behind the camera
         bearings = np.arctan2(corners_m[one, :, 1], corners_m[one, :, 0])
         first, width = bearings.min(), bearings.max() - bearings.min()
         for number in range(_BEARINGS):
-            share = _INSET + (1.0 - 2.0 * _INSET) * number / (_BEARINGS - 1)
-            bearing = first + width * share
+            bearing = first + width * (_INSET + (1 - 2 * _INSET) * number / (_BEARINGS - 1))
             x, y = np.cos(bearing), np.sin(bearing)
             near_m, far_m = _crossing(corners_m[one], x, y, 0.0)
-            for other in range(len(ids)):
-                if other != one and ids[other] == ids[one]:
-                    if _crossing(corners_m[other], x, y, _BESIDE_M)[1] > 0.0:
-                        far_m = 0.0
+            for other in range(len(corners_m)):
+                if other != one and classes[other, 0] == classes[one, 0]:
+                    far_m *= _crossing(corners_m[other], x, y, _BESIDE_M)[1] == 0.0
             if far_m <= near_m:
                 continue
-            rise, edge, sure = max(-height_m / near_m, lowest), np.nan, False
-            # Samples of the object, off it, of its upper face in a row; and above the edge.
-            own, off, face, clear = 0, 2 * least, 0, 0
-            while rise < _STEEPEST and not sure:
-                depth = x * axes[0, 2] + y * axes[1, 2] - rise * axes[2, 2]
-                across = x * axes[0, 0] + y * axes[1, 0] - rise * axes[2, 0]
-                down = x * axes[0, 1] + y * axes[1, 1] - rise * axes[2, 1]
-                rise += step
-                if depth <= 1e-9:
-                    continue
-                column, row = np.rint(fx * across / depth + cx), np.rint(fy * down / depth + cy)
-                if row < 0:
-                    break
-                if row >= image.shape[0] or column < 0 or column >= image.shape[1]:
-                    continue
-                found = image[int(row), int(column)]
-                own, off = (own + 1, 0) if found == ids[one] else (0, off + 1)
-                face = face + 1 if off > 0 and found == tops[one] else 0
-                clear += 1
-                if own >= least:
-                    edge, clear = rise - step / 2, 0
-                elif face == least and off <= least + 1:
-                    edge, sure = rise - step * (least + 0.5), True
-                elif clear >= least and not legs[one]:
-                    sure = not np.isnan(edge)
-            if not sure and not (legs[one] and clear * step * near_m >= _CLEAR_M):
-                continue
-            if tops[one] != NO_ROLE or edge > 0.0:
+            kind, start = (classes[one, 0], classes[one, 1]), max(-height_m / near_m, lowest)
+            edge = _edge(image, kind, on_legs[one], (x, y, near_m), start, axes, pinhole_px)
+            if kind[1] != NO_ROLE or edge > 0.0:
                 far_m = near_m
-            if edge * (near_m - far_m) <= _UNSURE_M:
+            if edge * (near_m - far_m) <= _UNSURE_M:  # not for NaN
                 heights_m[one, number] = height_m + edge * (near_m + far_m) / 2
     return heights_m

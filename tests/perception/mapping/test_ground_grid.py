@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import CELL_M, PASSED_M, REACH_M, GroundGrid
 from perception.mapping.view import View
-from tests.paper_lab import CLASSES, paper_map
+from tests.paper_lab import paper_map
 from tests.worlds import values
 from uav_bt.lab.classes import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole

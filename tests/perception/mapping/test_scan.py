@@ -17,7 +17,7 @@ from perception.mapping.landmarks import Landmarks, find_free
 from perception.mapping.registration import _GATE_M, _LINE_RATIO, _LINE_REACH_M, _equations
 from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
-from tests.paper_lab import BOXES, CARPET, CLASS_COUNT, CLASSES, ROOFS, paper_map
+from tests.paper_lab import CLASS_COUNT, paper_map
 from tests.worlds import values
 from uav_bt.lab.classes import NO_ROLE, LabClass, LabClasses
 from uav_bt.testing import pinhole

@@ -1,8 +1,7 @@
-"""Heights of objects from their upper edges in exact views of both labs."""
+"""Heights of objects from their upper edges, in exact views of both labs from 1.5 m."""
 
 import math
 
-import numpy as np
 import pytest
 
 from perception.mapping.upper_edges import upper_edges
@@ -16,48 +15,82 @@ from tests.worlds import values
 from uav_bt.types import ClassMap, Pose2D
 from uav_bt.types.site_map import MapObject
 
-HEIGHT_M, FROM_X_M = 1.5, -2.0
+FROM_M, HEIGHT_M = -2.0, 1.5
+HIDDEN = pytest.approx(math.nan, nan_ok=True)
 
 
-def heights(lab: str, *specs: ObjectSpec, pitch_deg: float, off_m: float = 0.0) -> list[float]:
-    """Return the heights seen from x = 0; the map has the objects too far away by `off_m`."""
-    scene = Scene(name="drawn", lab=lab, objects=specs, take_off=TakeOffSpec(random=True))
+def heights(lab: str, specs: list[ObjectSpec], pitch_deg: float, off_m: float) -> list[float]:
+    """Return the heights by a view ahead; the map has the objects too far away by `off_m`."""
+    scene = Scene(name="drawn", lab=lab, objects=tuple(specs), take_off=TakeOffSpec(random=True))
     caster, pitch_rad = Caster(scene, (320, 180)), math.radians(pitch_deg)
-    camera = CameraPose(x_m=FROM_X_M, y_m=0.0, z_m=HEIGHT_M, yaw_rad=0.0, pitch_rad=pitch_rad)
-    class_map = ClassMap(ids=caster.cast(camera)[0], classes=scene.classes, captured_s=0.0)
-    frame = values.frame((4, 8), pitch_rad, HEIGHT_M, captured_s=0.0)
-    pose = Pose2D(x_m=FROM_X_M - CAMERA_FORWARD_M, y_m=0.0, yaw_rad=0.0)
-    view = View.of(class_map, frame, caster.camera, pose)
+    camera = CameraPose(x_m=FROM_M, y_m=0.0, z_m=HEIGHT_M, yaw_rad=0.0, pitch_rad=pitch_rad)
+    view = View.of(
+        ClassMap(ids=caster.cast(camera)[0], classes=scene.classes, captured_s=0.0),
+        values.frame((4, 8), pitch_rad, HEIGHT_M, captured_s=0.0),
+        caster.camera,
+        Pose2D(x_m=FROM_M - CAMERA_FORWARD_M, y_m=0.0, yaw_rad=0.0),
+    )
     assert view is not None
     known = []
     for item in scene.placed:
-        base = item.footprint
-        known.append(
-            MapObject(
-                class_id=item.shape.class_id,
-                x_m=base.x_m + off_m,
-                y_m=-base.y_m,
-                yaw_rad=-base.yaw_rad,
-                size_m=2 * base.half_x_m,
-                width_m=2 * base.half_y_m,
-                std_m=0.05,
-                seen_s=0.0,
-            )
-        )
+        base, times = item.footprint, {"std_m": 0.05, "seen_s": 0.0}
+        sides = {"size_m": 2 * base.half_x_m, "width_m": 2 * base.half_y_m}
+        place = {"x_m": base.x_m + off_m, "y_m": -base.y_m, "yaw_rad": -base.yaw_rad}
+        known.append(MapObject(class_id=item.shape.class_id, **place, **sides, **times))
     return upper_edges(view, known).tolist()
 
 
-def box(x_m: float, height_m: float, kind: str = "box-3", y_m: float = 0.0) -> ObjectSpec:
-    size_m = (0.4, 0.4, height_m)
-    return ObjectSpec(kind=kind, position_m=(FROM_X_M + x_m, y_m), yaw_deg=20, size_m=size_m)
+def box(range_m: float, height_m: float, kind: str = "box-3", y_m: float = 0.0) -> ObjectSpec:
+    place_m, size_m = (FROM_M + range_m, y_m), (0.4, 0.4, height_m)
+    return ObjectSpec(kind=kind, position_m=place_m, yaw_deg=20, size_m=size_m)
 
 
-def test_print() -> None:
-    paper, depot = "paper", "depot"
-    for s, p in (((box(1.5,.8),),-42),((box(2,1.9),),12),((box(2,1.9),),-42),((box(3.5,1.9),),-5),((box(1.5,1.4),),-10),((box(1.5,.8),box(2.6,1.9,'box-5')),12),((box(1.5,.8),box(2.6,1.9)),12),((box(2,1.9),box(2,1.2,y_m=.8)),0)):
-        print([(a.position_m,a.size_m) for a in s],p,heights(paper,*s,pitch_deg=p),heights(paper,*s,pitch_deg=p,off_m=.1))
-    for k in ('rack','table','drum','crate','tall_crate','barrier'):
-        for yaw in (0,30,90):
-            for x in (1.5,2.5):
-                for p in (-30,-15,12):
-                    print(k,yaw,x,p,np.round(heights(depot,ObjectSpec(kind=k,position_m=(x-2,0),yaw_deg=yaw),pitch_deg=p),3))
+@pytest.mark.parametrize(
+    ("pitch_deg", "specs", "expected_m"),
+    [
+        pytest.param(-42, [box(1.5, 0.8)], [0.8], id="an upper face"),
+        pytest.param(-10, [box(1.5, 1.4)], [1.4], id="a little below the camera"),
+        pytest.param(12, [box(2.0, 1.9)], [1.9], id="above the camera"),
+        pytest.param(-5, [box(3.5, 1.9)], [1.9], id="above it, from a distance"),
+        pytest.param(-42, [box(2.0, 1.9)], [HIDDEN], id="the top is above the image"),
+        pytest.param(30, [box(2.0, 0.8)], [HIDDEN], id="the box is below the image"),
+        pytest.param(
+            12, [box(1.5, 0.8), box(2.6, 1.9, "box-5")], [HIDDEN, 1.9], id="behind another box"
+        ),
+        pytest.param(12, [box(1.5, 1.3), box(2.6, 1.9)], [HIDDEN, HIDDEN], id="two of one class"),
+        pytest.param(0, [box(2.0, 1.9), box(2.0, 1.2, y_m=0.8)], [1.9, 1.2], id="side by side"),
+    ],
+)
+def test_boxes(pitch_deg: float, specs: list[ObjectSpec], expected_m: list[object]) -> None:
+    for off_m, error_m in ((0.0, 0.01), (0.1, 0.06)):
+        within = [one if one is HIDDEN else pytest.approx(one, abs=error_m) for one in expected_m]
+        assert heights("paper", specs, pitch_deg, off_m) == within
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 30, 90])
+@pytest.mark.parametrize(
+    ("kind", "range_m", "pitch_deg", "expected_m"),
+    [
+        ("drum", 1.5, -30, 0.88),
+        ("table", 2.5, -15, 0.75),
+        ("table", 1.35, -15, None),  # its board begins below the image
+        ("rack", 2.5, 12, 2.0),
+        ("rack", 1.5, -15, None),  # one sees between its boards, up to the end of the image
+    ],
+)
+def test_other_shapes(
+    kind: str, range_m: float, pitch_deg: float, expected_m: float | None, yaw_deg: int
+) -> None:
+    spec = ObjectSpec(kind=kind, position_m=(FROM_M + range_m, 0.0), yaw_deg=yaw_deg)
+    (found_m,) = heights("depot", [spec], pitch_deg, 0.0)
+    assert math.isnan(found_m) if expected_m is None else abs(found_m - expected_m) < 0.03
+
+
+def test_an_object_of_one_class_is_measured_where_its_depth_matters_little() -> None:
+    """The ridge of a barrier is above the middle of its base."""
+    across, along = (
+        ObjectSpec(kind="barrier", position_m=(FROM_M + 2.5, 0.0), yaw_deg=yaw_deg)
+        for yaw_deg in (90, 0)
+    )
+    assert heights("depot", [across], -30, 0.0) == pytest.approx([0.8], abs=0.04)
+    assert math.isnan(heights("depot", [along], -30, 0.0)[0])
