@@ -32,7 +32,7 @@ from uav_bt.types.site_map import MapObject
 
 _APART_M: Final = 0.1  # an object may have moved by this and half of the shorter sides of both
 _RESTART_M: Final = 0.5  # extra distance after a restart, until the object is found again; chosen
-_MEASUREMENTS: Final = 40  # the newest ones that are kept; the height is their median; chosen
+_MEASUREMENTS: Final = 100  # the newest ones that are kept; the height is their median; chosen
 # Error that does not fall with the number of measurements, as that of the drone's own height
 _FLOOR_M: Final = 0.02
 _FAR: Final = 1e6  # cost of a pair that is too far apart; the assignment needs finite costs

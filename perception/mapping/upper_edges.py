@@ -10,7 +10,8 @@ a distance, or with the camera raised.
 - *Below the camera* the edge of an object with one class is somewhere above its base. Its middle
   counts, in views in which near and far side give about the same height.
 
-Bearings that pass another object of the class are left out: the two would look like one.
+Bearings that pass another object of the class are left out: the two would look like one. So are
+those with an object on legs in front, below whose board one sees the lower part of what is behind.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from uav_bt.types.site_map import MapObject
 _BEARINGS: Final = 9  # of an object in a view
 _MIN_BEARINGS: Final = 3  # with an upper edge, for a height; chosen
 _INSET: Final = 0.15  # share of an object's width, left out at either end for errors; chosen
-_BESIDE_M: Final = 0.1  # a line of sight keeps this from other objects of the class; chosen
+_BESIDE_M: Final = 0.1  # a line of sight keeps this from other objects; chosen
 _UNSURE_M: Final = 0.15  # largest difference between heights by near and by far side; chosen
 _STEEPEST: Final = 10.0  # rise over range up to which a line is followed
 # Above the upper edge of an object on legs nothing of it is seen for this height. Between the
@@ -170,8 +171,11 @@ def _heights(  # noqa: PLR0917 - Numba passes arguments by position
             x, y = np.cos(bearing), np.sin(bearing)
             near_m, far_m = _crossing(corners_m[one], x, y, 0.0)
             for other in range(len(corners_m)):
-                if other != one and classes[other, 0] == classes[one, 0]:
-                    far_m *= _crossing(corners_m[other], x, y, _BESIDE_M)[1] == 0.0
+                if other == one or not (on_legs[other] or classes[other, 0] == classes[one, 0]):
+                    continue
+                from_m, to_m = _crossing(corners_m[other], x, y, _BESIDE_M)
+                if to_m > 0.0 and (from_m < near_m or classes[other, 0] == classes[one, 0]):
+                    far_m = 0.0
             if far_m <= near_m:
                 continue
             kind, start = (classes[one, 0], classes[one, 1]), max(-height_m / near_m, lowest)

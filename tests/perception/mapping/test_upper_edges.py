@@ -86,6 +86,16 @@ def test_other_shapes(
     assert math.isnan(found_m) if expected_m is None else abs(found_m - expected_m) < 0.03
 
 
+def test_what_is_behind_a_table_is_not_measured() -> None:
+    """The lower part of a crate is seen below the board, and its top is above the image."""
+    table, crate = (
+        ObjectSpec(kind=kind, position_m=(FROM_M + range_m, 0.0), yaw_deg=90)
+        for kind, range_m in (("table", 2.35), ("tall_crate", 3.1))
+    )
+    found_m = heights("depot", [table, crate], -38, 0.0)
+    assert found_m == [pytest.approx(0.75, abs=0.03), HIDDEN]
+
+
 def test_an_object_of_one_class_is_measured_where_its_depth_matters_little() -> None:
     """The ridge of a barrier is above the middle of its base."""
     across, along = (
