@@ -28,8 +28,8 @@ _CHOSEN: Final = "objects that NextObject has chosen in this mission, such as ob
 VISITED: Final = Key("visited", str, _CHOSEN, writer="NextObject")
 _CLASS: Final = "class of the object, such as box_5, or several with ; between them; empty: any"
 CLASS: Final = Port("class", str, "", _CLASS)
+_FIRST: Final = "which object comes first: nearest, highest, largest or farthest"
 _ORDERS: Final = ("nearest", "highest", "largest", "farthest")
-_FIRST: Final = f"which comes first: {', '.join(_ORDERS)}"
 _VIEWS: Final = "places such as start:1,0@90;start:2,1@180, for LoopString"
 _FROM: Final = "distance from the side of the object, or from the other place, m"
 
@@ -147,7 +147,8 @@ class NextObject(MapLeaf):
         left = [item for item in self.wanted(site_map) if f"object:{item.id}" not in chosen]
         if not left:
             return self.fails("the map has no further object of this class, height and distance")
-        item = min(left, key=self.rank(site_map))
+        maps = self.clearance_maps(site_map)
+        item = min(left, key=lambda each: self.rank(maps, each))
         place, label = f"object:{item.id}", site_map.classes.names[item.class_id]
         self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
         self.set_port(self.PLACE, place)
@@ -165,20 +166,15 @@ class NextObject(MapLeaf):
             if near and (least_m == 0.0 or (item.height_m or 0.0) >= least_m):
                 yield item
 
-    def rank(self, site_map: SiteMap) -> Callable[[MapObject], tuple[float, ...]]:
-        """Return a function with the least value for the object that comes first."""
-        order = self.port(self.ORDER)
-        if order == "highest":
-            return lambda item: (-(item.height_m or 0.0),)
-        if order == "largest":
-            return lambda item: (-item.size_m * item.width_m,)
-        maps, sign = self.clearance_maps(site_map), 1.0 if order == "nearest" else -1.0
-
-        def by_route(item: MapObject) -> tuple[float, ...]:
-            no_route, length_m = _route_m(maps, item)
-            return no_route, sign * length_m
-
-        return by_route
+    def rank(self, maps: ClearanceMaps, item: MapObject) -> tuple[float, ...]:
+        """Return numbers that are least for the object that comes first."""
+        match self.port(self.ORDER):
+            case "highest":
+                return (-(item.height_m or 0.0),)
+            case "largest":
+                return (-item.size_m * item.width_m,)
+        no_route, length_m = _route_m(maps, item)
+        return no_route, length_m if self.port(self.ORDER) == "nearest" else -length_m
 
 
 class ViewPoints(MapLeaf):

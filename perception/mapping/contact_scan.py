@@ -38,7 +38,6 @@ class GroundScan:
     level_m: Floats  # (B, E, 2) forward, right of the point below the camera
     ids: Ids  # (B, E) class ids; `NO_ROLE` for samples below the image
     roles: Ids  # (B, E) role ids; `NO_ROLE` for samples below the image
-    image_roles: Ids  # (H, W) role ids of the whole class map
     height_m: float  # of the camera above the ground
     min_run: int = _MIN_RUN
     covered: Covered | None = None  # ground below boards of objects on legs
@@ -113,9 +112,9 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
         class_map.ids.shape,
         True,
     ).reshape(level_m.shape[:2])
-    inside, image_roles = pixels >= 0, class_map.roles
+    inside = pixels >= 0
     ids = np.where(inside, class_map.ids.take(pixels), np.uint8(NO_ROLE))
-    roles = np.where(inside, image_roles.take(pixels), np.uint8(NO_ROLE))
+    roles = np.where(inside, class_map.roles.take(pixels), np.uint8(NO_ROLE))
     classes, covered = class_map.classes, None
     on_legs = classes.legs_m > 0.0
     on_legs[classes.top_of[on_legs]] = True
@@ -123,7 +122,7 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
     if on_legs.any():
         runs = first_runs(roles, OBSTACLE, _MIN_RUN)
         covered = cover_below(level_m, ids, roles, classes, runs)
-    return GroundScan(level_m, ids, roles, image_roles, height_m, covered=covered, on_legs=on_legs)
+    return GroundScan(level_m, ids, roles, height_m, covered=covered, on_legs=on_legs)
 
 
 def find_bases(scan: GroundScan) -> Bases:

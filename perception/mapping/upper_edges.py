@@ -1,17 +1,11 @@
 """Upper edges of the map's objects in a view, and the heights above the ground that they give.
 
-The map knows where an object stands, so that one image row per bearing states its height, whether
-or not the image shows its base. A vertical line on its near side is followed upwards through the
-class map: the height is that of the line where the object's class ends. A tall object is seen from
-a distance, or with the camera raised.
-
-- *An upper face* of another class begins there: the edge is that of the near side.
-- *Above the camera* no upper face is visible, and the edge is that of the near side, too.
-- *Below the camera* the edge of an object with one class is somewhere above its base. Its middle
-  counts, in views in which near and far side give about the same height.
-
-Bearings that pass another object of the class are left out: the two would look like one. So are
-those with an object on legs in front, below whose board one sees the lower part of what is behind.
+The map knows where an object stands. A vertical line on its near side is followed upwards through
+the class map to where the object's class ends; the base need not be in view. Below the camera, an
+object whose upper face has its own class ends somewhere above its base: the middle counts, in views
+in which near and far side give about the same height. Bearings that pass another object of the
+class are left out, and those with an object on legs in front: below its board one sees the lower
+part of what is behind.
 """
 
 from __future__ import annotations
@@ -51,7 +45,7 @@ def upper_edges(view: View, objects: Sequence[MapObject]) -> Floats:
     corners_m = lens.points_to_body(np.concatenate([one.corners_m() for one in objects]))
     ids = np.array([one.class_id for one in objects], dtype=np.uint8)
     faces = np.where(classes.top_of[ids] == 0, np.uint8(NO_ROLE), classes.top_of[ids])
-    heights_m = _heights(
+    return _heights(
         np.ascontiguousarray(view.class_map.ids),
         np.ascontiguousarray(corners_m.reshape(-1, 4, 2)),
         np.column_stack([ids, faces]),
@@ -60,11 +54,6 @@ def upper_edges(view: View, objects: Sequence[MapObject]) -> Floats:
         camera_axes(view.pitch_rad),
         view.camera.pinhole_px,
     )
-    known = np.isfinite(heights_m)
-    rows = known.sum(axis=1) >= _MIN_BEARINGS
-    found_m = np.full(len(objects), np.nan)
-    found_m[rows] = np.nanmedian(heights_m[rows], axis=1)
-    return found_m
 
 
 @compiled("UniTuple(float64, 2)(float64[:, ::1], float64, float64, float64)")
@@ -81,11 +70,8 @@ def _crossing(corners_m: Floats, x: float, y: float, beside_m: float) -> tuple[f
         length_m = max(np.hypot(along_x, along_y), 1e-6)
         along_x, along_y = along_x / length_m, along_y / length_m
         half_m = length_m / 2 + beside_m
-        middle_m, speed = middle_x * along_x + middle_y * along_y, x * along_x + y * along_y
-        if abs(speed) < 1e-9:
-            if abs(middle_m) > half_m:
-                return np.inf, 0.0
-            continue
+        middle_m = middle_x * along_x + middle_y * along_y
+        speed = (x * along_x + y * along_y) or 1e-9
         near_m = max(near_m, min((middle_m - half_m) / speed, (middle_m + half_m) / speed))
         far_m = min(far_m, max((middle_m - half_m) / speed, (middle_m + half_m) / speed))
     return (near_m, far_m) if near_m < far_m else (np.inf, 0.0)
@@ -141,7 +127,7 @@ def _edge(  # noqa: PLR0917 - Numba passes arguments by position
 
 
 @compiled(
-    "float64[:, ::1](uint8[:, ::1], float64[:, :, ::1], uint8[:, ::1], boolean[::1], float64,"
+    "float64[::1](uint8[:, ::1], float64[:, :, ::1], uint8[:, ::1], boolean[::1], float64,"
     " float64[:, ::1], UniTuple(float64, 4))"
 )
 def _heights(  # noqa: PLR0917 - Numba passes arguments by position
@@ -153,35 +139,31 @@ def _heights(  # noqa: PLR0917 - Numba passes arguments by position
     axes: Floats,
     pinhole_px: tuple[float, float, float, float],
 ) -> Floats:
-    """Return the heights of N objects on each of their bearings, (N, _BEARINGS); NaN if unknown.
-
-    `classes`, (N, 2), are those of sides and upper faces.
-    """
-    heights_m = np.full((len(corners_m), _BEARINGS), np.nan)
-    bottom = (image.shape[0] - pinhole_px[3]) / pinhole_px[1]
-    ahead = axes[0, 2] + bottom * axes[0, 1]
-    lowest = -(axes[2, 2] + bottom * axes[2, 1]) / ahead if ahead > 0.0 else -_STEEPEST
+    """Return the heights of objects, (N,); `classes`, (N, 2), are of sides and upper faces."""
+    found_m, heights_m = np.full(len(corners_m), np.nan), np.empty(_BEARINGS)
     for one in range(len(corners_m)):
         if corners_m[one, :, 0].min() <= 0.0:
             continue  # beside or behind the camera
         bearings = np.arctan2(corners_m[one, :, 1], corners_m[one, :, 0])
         first, width = bearings.min(), bearings.max() - bearings.min()
+        heights_m[:] = np.nan
         for number in range(_BEARINGS):
             bearing = first + width * (_INSET + (1 - 2 * _INSET) * number / (_BEARINGS - 1))
             x, y = np.cos(bearing), np.sin(bearing)
             near_m, far_m = _crossing(corners_m[one], x, y, 0.0)
             for other in range(len(corners_m)):
-                if other == one or not (on_legs[other] or classes[other, 0] == classes[one, 0]):
-                    continue
-                from_m, to_m = _crossing(corners_m[other], x, y, _BESIDE_M)
-                if to_m > 0.0 and (from_m < near_m or classes[other, 0] == classes[one, 0]):
-                    far_m = 0.0
+                same = classes[other, 0] == classes[one, 0]
+                if other != one and (same or on_legs[other]):
+                    from_m, to_m = _crossing(corners_m[other], x, y, _BESIDE_M)
+                    far_m *= to_m == 0.0 or not (same or from_m < near_m)
             if far_m <= near_m:
                 continue
-            kind, start = (classes[one, 0], classes[one, 1]), max(-height_m / near_m, lowest)
+            kind, start = (classes[one, 0], classes[one, 1]), -height_m / near_m
             edge = _edge(image, kind, on_legs[one], (x, y, near_m), start, axes, pinhole_px)
             if kind[1] != NO_ROLE or edge > 0.0:
                 far_m = near_m
             if edge * (near_m - far_m) <= _UNSURE_M:  # not for NaN
-                heights_m[one, number] = height_m + edge * (near_m + far_m) / 2
-    return heights_m
+                heights_m[number] = height_m + edge * (near_m + far_m) / 2
+        if np.isfinite(heights_m).sum() >= _MIN_BEARINGS:
+            found_m[one] = np.nanmedian(heights_m)
+    return found_m

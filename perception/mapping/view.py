@@ -124,7 +124,7 @@ class View:
 
         Ground below the board of an object on legs is not free.
         """
-        height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.scan.image_roles
+        height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.class_map.roles
         axes, pinhole_px = camera_axes(self.pitch_rad), self.camera.pinhole_px
         flat_m = np.ascontiguousarray(points_m).reshape(-1, 2)
         pixels = ground_pixels(flat_m, height_m, axes, pinhole_px, roles.shape, False)

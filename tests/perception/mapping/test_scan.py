@@ -90,7 +90,7 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
 def test_the_nearest_long_run_of_a_role_counts(roles: list[int], kind: str, at_m: float) -> None:
     """Runs have two samples at least."""
     ids = np.array([roles], dtype=np.uint8)
-    bases = find_bases(GroundScan(along(6, 1), ids, ids, ids, 1.5, min_run=2))
+    bases = find_bases(GroundScan(along(6, 1), ids, ids, 1.5, min_run=2))
     found = {**vars(bases), "placed": bases.placed.xy_m}
     for each in ("placed", "hidden_m", "edges_m", "hidden_edges_m"):
         assert found[each][:, 0].tolist() == [at_m] * (each == kind)
@@ -100,7 +100,7 @@ def test_the_nearest_long_run_of_a_role_counts(roles: list[int], kind: str, at_m
 def test_an_obstacle_is_tall_up_to_a_height_or_to_the_drone(height_m: float, last: int) -> None:
     """From 1.5 m on it covers up to 0.9 m of height, or up to 0.5 m below the camera."""
     roles = np.array([[1, 1] + [3] * (end - 1) + [1] * (9 - end) for end in range(2, 10)], np.uint8)
-    scan = GroundScan(along(10, 8), roles, roles, roles, height_m, min_run=1)
+    scan = GroundScan(along(10, 8), roles, roles, height_m, min_run=1)
     assert find_bases(scan).placed.tall.tolist() == [end >= last for end in range(2, 10)]
 
 
