@@ -5,7 +5,7 @@ the class map to where the object's class ends; the base need not be in view. Be
 object whose upper face has its own class ends somewhere above its base: the middle counts, in views
 in which near and far side give about the same height. Bearings that pass another object of the
 class are left out, and those with an object on legs in front: below its board one sees the lower
-part of what is behind.
+parts of others.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _BESIDE_M: Final = 0.1  # a line of sight keeps this from other objects; chosen
 _UNSURE_M: Final = 0.15  # largest difference between heights by near and by far side; chosen
 _STEEPEST: Final = 10.0  # rise over range up to which a line is followed
 # Above the upper edge of an object on legs nothing of it is seen for this height. Between the
-# boards of a rack one sees what is behind it. Chosen.
+# boards of a rack one sees through it. Chosen.
 _CLEAR_M: Final = 0.7
 _MIN_PX: Final = 2.0  # length of the object below its upper edge, and of what is above it; chosen
 
