@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Final
 
 from behaviours.path.following import UNMAPPED_S
@@ -28,6 +28,8 @@ _CHOSEN: Final = "objects that NextObject has chosen in this mission, such as ob
 VISITED: Final = Key("visited", str, _CHOSEN, writer="NextObject")
 _CLASS: Final = "class of the object, such as box_5, or several with ; between them; empty: any"
 CLASS: Final = Port("class", str, "", _CLASS)
+_FIRST: Final = "which object comes first: nearest, highest, largest or farthest"
+_ORDERS: Final = ("nearest", "highest", "largest", "farthest")
 _VIEWS: Final = "places such as start:1,0@90;start:2,1@180, for LoopString"
 _FROM: Final = "distance from the side of the object, or from the other place, m"
 
@@ -114,18 +116,29 @@ class ObjectSeen(MapLeaf):
 
 
 class NextObject(MapLeaf):
-    """Choose the nearest object of the map that this mission has not chosen yet; FAILURE without.
+    """Choose an object of the map that this mission has not chosen yet; FAILURE without.
 
-    The nearest is the one with the shortest route. Objects without a known route come last, the
-    nearest in a straight line first. All nodes of a mission share the memory, the board key
-    `visited`. Objects of which the map has few points do not count. FAILURE also without a map.
+    The nearest is the one with the shortest route, the farthest the one with the longest. Objects
+    without a known route come last, ordered by straight lines. The highest is the one with the
+    highest top; objects whose height the map does not know come last, and do not count with
+    `min_height_m`. The largest has the largest base. All nodes of a mission share the memory, the
+    board key `visited`. Objects of which the map has few points do not count. FAILURE also without
+    a map.
     """
 
+    ORDER: ClassVar = Port("order", str, "nearest", _FIRST, choices=_ORDERS)
     PLACE: ClassVar = Port("place", str, direction="output", doc="the object, such as object:3")
     LABEL: ClassVar = Port("label", str, direction="output", doc="its class, such as box_5")
     group = "Looking"
     answers = (Status.SUCCESS, Status.FAILURE)
-    ports = (CLASS, PLACE, LABEL)
+    ports = (
+        CLASS,
+        ORDER,
+        number("min_height_m", 0.0, 0, 20, "least height of its top above the ground, m; 0: any"),
+        number("within_m", 0.0, 0, 100, "largest distance in a straight line, m; 0: any"),
+        PLACE,
+        LABEL,
+    )
     reads = (SITE_MAP, VISITED)
     writes = (VISITED,)
 
@@ -133,17 +146,37 @@ class NextObject(MapLeaf):
         """Choose an object."""
         visited = self.read(VISITED).value or ""
         chosen = set(visited.split(SEPARATOR))
-        left = [item for item in self.seen(site_map) if f"object:{item.id}" not in chosen]
+        left = [item for item in self.wanted(site_map) if f"object:{item.id}" not in chosen]
         if not left:
-            return self.fails("the map has no further object of this class")
+            return self.fails("the map has no further object of this class, height and distance")
         maps = self.clearance_maps(site_map)
-        item = min(left, key=lambda each: _route_m(maps, each))
+        item = min(left, key=lambda each: self.rank(maps, each))
         place, label = f"object:{item.id}", site_map.classes.names[item.class_id]
         self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
         self.set_port(self.PLACE, place)
         self.set_port(self.LABEL, label)
-        self.feedback_message = f"{place}, {label}"
+        height = "" if item.height_m is None else f", {item.height_m:.2f} m high"
+        self.feedback_message = f"{place}, {label}{height}"
         return Status.SUCCESS
+
+    def wanted(self, site_map: SiteMap) -> Iterator[MapObject]:
+        """Yield the objects of the wanted class, height and distance."""
+        least_m, most_m = self.port_value("min_height_m"), self.port_value("within_m") or math.inf
+        here = site_map.pose
+        for item in self.seen(site_map):
+            near = math.dist((here.x_m, here.y_m), (item.x_m, item.y_m)) <= most_m
+            if near and (least_m == 0.0 or (item.height_m or 0.0) >= least_m):
+                yield item
+
+    def rank(self, maps: ClearanceMaps, item: MapObject) -> tuple[float, ...]:
+        """Return numbers that are least for the object that comes first."""
+        match self.port(self.ORDER):
+            case "highest":
+                return (-(item.height_m or 0.0),)
+            case "largest":
+                return (-item.size_m * item.width_m,)
+        no_route, length_m = _route_m(maps, item)
+        return no_route, length_m if self.port(self.ORDER) == "nearest" else -length_m
 
 
 class ViewPoints(MapLeaf):

@@ -38,8 +38,6 @@ class GroundScan:
     level_m: Floats  # (B, E, 2) forward, right of the point below the camera
     ids: Ids  # (B, E) class ids; `NO_ROLE` for samples below the image
     roles: Ids  # (B, E) role ids; `NO_ROLE` for samples below the image
-    image_roles: Ids  # (H, W) role ids of the whole class map
-    top_of: Ids  # (C,) class of the upper face of each class; 0 without one
     height_m: float  # of the camera above the ground
     min_run: int = _MIN_RUN
     covered: Covered | None = None  # ground below boards of objects on legs
@@ -75,7 +73,6 @@ class Placed(PointTable):
     """Bases of obstacles, forward and right of the point below the camera."""
 
     ids: Ids  # (N,) classes of the obstacles there
-    heights_m: Floats  # (N,) of their upper edges above the ground; NaN where no roof is in view
     tall: Flags  # (N,) whether they are tall
 
 
@@ -115,9 +112,9 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
         class_map.ids.shape,
         True,
     ).reshape(level_m.shape[:2])
-    inside, image_roles = pixels >= 0, class_map.roles
+    inside = pixels >= 0
     ids = np.where(inside, class_map.ids.take(pixels), np.uint8(NO_ROLE))
-    roles = np.where(inside, image_roles.take(pixels), np.uint8(NO_ROLE))
+    roles = np.where(inside, class_map.roles.take(pixels), np.uint8(NO_ROLE))
     classes, covered = class_map.classes, None
     on_legs = classes.legs_m > 0.0
     on_legs[classes.top_of[on_legs]] = True
@@ -125,9 +122,7 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
     if on_legs.any():
         runs = first_runs(roles, OBSTACLE, _MIN_RUN)
         covered = cover_below(level_m, ids, roles, classes, runs)
-    return GroundScan(
-        level_m, ids, roles, image_roles, classes.top_of, height_m, covered=covered, on_legs=on_legs
-    )
+    return GroundScan(level_m, ids, roles, height_m, covered=covered, on_legs=on_legs)
 
 
 def find_bases(scan: GroundScan) -> Bases:
@@ -144,7 +139,6 @@ def find_bases(scan: GroundScan) -> Bases:
         placed=Placed(
             xy_m=placed_m,
             ids=scan.ids[placed],
-            heights_m=_upper_edges(scan, *placed),
             tall=_are_tall(scan, placed[0], bases_m, bases_m * scan.height_m / gap_m),
         ),
         hidden_m=scan.level_m[hidden],
@@ -226,30 +220,3 @@ def first_runs(sampled: Ids, role: int, min_run: int) -> tuple[Indices, Indices,
                 found += 1
                 break
     return rows[:found], first[:found], before[:found]
-
-
-def _upper_edges(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
-    """Return the heights of the upper edges of sides above the ground, (N,) metres.
-
-    A side is vertical, so its upper edge has the range of its base. The edge is known where the
-    roof above it is in view; NaN where the side does not end at two samples of its roof. The sides
-    begin at the samples `first`, not 0, of the bearings `rows`.
-    """
-    ids = np.pad(scan.ids[rows], ((0, 0), (0, 2)), constant_values=NO_ROLE)
-    sides = np.arange(len(rows))
-    own = ids[sides, first]
-    others = (ids != own[:, None]) & (np.arange(ids.shape[1]) > first[:, None])
-    end, roof = others.argmax(axis=1), scan.top_of[own]
-    known = (roof != 0) & (ids[sides, end] == roof) & (ids[sides, end + 1] == roof)
-    rows, first, end = rows[known], first[known], end[known]
-    base_m = (_range_m(scan, rows, first - 1) + _range_m(scan, rows, first)) / 2.0
-    slope = scan.height_m / _range_m(scan, rows, end - 1) + scan.height_m / _range_m(
-        scan, rows, end
-    )
-    heights_m = np.full(len(known), np.nan)
-    heights_m[known] = scan.height_m - base_m * (slope / 2.0)
-    return heights_m
-
-
-def _range_m(scan: GroundScan, rows: Indices, samples: Indices) -> Floats:
-    return np.asarray(np.hypot(*scan.level_m[rows, samples].T))

@@ -24,15 +24,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
+from perception.mapping.upper_edges import upper_edges
+from perception.mapping.view import View
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Floats, Ids
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import MapObject
 
 _APART_M: Final = 0.1  # an object may have moved by this and half of the shorter sides of both
 _RESTART_M: Final = 0.5  # extra distance after a restart, until the object is found again; chosen
-_BESIDE_M: Final = 0.15  # a measured height belongs to an object this near to its place; chosen
-_MIN_EDGES: Final = 3  # least number of bearings of a measurement; chosen
-_MEASUREMENTS: Final = 40  # the newest ones that are kept; the height is their median; chosen
+_MEASUREMENTS: Final = 100  # the newest ones that are kept; the height is their median; chosen
 # Error that does not fall with the number of measurements, as that of the drone's own height
 _FLOOR_M: Final = 0.02
 _FAR: Final = 1e6  # cost of a pair that is too far apart; the assignment needs finite costs
@@ -70,15 +70,14 @@ class KnownObjects:
 
     def __init__(self) -> None:
         self._known: list[_Known] = []
-        self._edges: list[tuple[Floats, Ids, Floats]] = []
 
-    def see_edges(self, xy_m: Floats, ids: Ids, heights_m: Floats) -> None:
-        """Add the upper edges in a view; they count from the next call of `named` on.
-
-        `xy_m`, (N, 2), is where the sides below them meet the ground, in the map's frame; unknown
-        heights are NaN.
-        """
-        self._edges.append((xy_m, ids, heights_m))
+    def measure(self, view: View) -> None:
+        """Measure the objects of the last search in a view that is placed in the map's frame."""
+        present = [each for each in self._known if each.is_present]
+        heights_m = upper_edges(view, [each.newest for each in present])
+        for each, height_m in zip(present, heights_m.tolist(), strict=True):
+            if math.isfinite(height_m):
+                each.measure(height_m)
 
     def named(self, found: Sequence[MapObject]) -> tuple[MapObject, ...]:
         """Return the objects of the present map with their ids and heights."""
@@ -99,7 +98,6 @@ class KnownObjects:
             owner = owners.get(index, self._known[-1])
             owner.see(item)
             present.append(owner)
-        self._measure_heights(present)
         return tuple(owner.newest for owner in present)
 
     def restart(self, correction: Pose2D) -> None:
@@ -112,24 +110,6 @@ class KnownObjects:
             yaw_rad = each.newest.yaw_rad - correction.yaw_rad
             each.newest = replace(each.newest, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
             each.is_present, each.doubt_m = False, _RESTART_M
-        self._edges.clear()
-
-    def _measure_heights(self, owners: Sequence[_Known]) -> None:
-        """Give the edges seen since the last search to the objects below them."""
-        if not self._edges:
-            return
-        xy_m, ids, heights_m = (np.concatenate(column) for column in zip(*self._edges, strict=True))
-        self._edges.clear()
-        known = np.isfinite(heights_m)
-        xy_m, ids, heights_m = xy_m[known], ids[known], heights_m[known]
-        for owner in owners:
-            item = owner.newest
-            middle = Pose2D(x_m=item.x_m, y_m=item.y_m, yaw_rad=item.yaw_rad)
-            half_m = np.array([item.size_m, item.width_m]) / 2 + _BESIDE_M
-            there = (np.abs(middle.points_to_body(xy_m)) <= half_m).all(axis=1)
-            near = (ids == item.class_id) & there
-            if np.count_nonzero(near) >= _MIN_EDGES:
-                owner.measure(float(np.median(heights_m[near])))
 
 
 def _assigned(found: Sequence[MapObject], known: Sequence[_Known]) -> list[tuple[int, int]]:

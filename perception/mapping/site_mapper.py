@@ -126,6 +126,7 @@ class SiteMapper:
         self._add_points(placed, 0.0 if off_m is None else off_m)
         if off_m is None or off_m <= _LOST_M:
             self._meet_hidden(placed)
+        self._known_objects.measure(placed)
         self._grid.add(placed)
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.forget_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
@@ -219,7 +220,6 @@ class SiteMapper:
         bases = Landmarks.of(view, view.bases.xy_m, view.bases.ids)
         edge_ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
         edges = Landmarks.of(view, view.edges_m, edge_ids)
-        self._known_objects.see_edges(bases.xy_m, bases.ids, view.bases.heights_m)
         if off_m <= _LOST_M:
             bases = self._standing_bases(view, bases)
             known = self._bases

@@ -50,6 +50,7 @@ class View:
     camera: CameraModel  # at the class map's size
     pitch_rad: float  # of the gimbal at capture, negative down
     height_m: float  # of the camera above the ground
+    class_map: ClassMap
     scan: GroundScan  # the class map along bearings
     contacts: Bases  # the bases and edges of the scan, at any range
     firm: Flags  # which of the placed bases are `bases`
@@ -79,6 +80,7 @@ class View:
             camera=camera,
             pitch_rad=frame.gimbal_pitch_rad,
             height_m=height_m,
+            class_map=class_map,
             scan=scan,
             contacts=contacts,
             firm=firm,
@@ -122,7 +124,7 @@ class View:
 
         Ground below the board of an object on legs is not free.
         """
-        height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.scan.image_roles
+        height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.class_map.roles
         axes, pinhole_px = camera_axes(self.pitch_rad), self.camera.pinhole_px
         flat_m = np.ascontiguousarray(points_m).reshape(-1, 2)
         pixels = ground_pixels(flat_m, height_m, axes, pinhole_px, roles.shape, False)

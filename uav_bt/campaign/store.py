@@ -61,7 +61,7 @@ _OPTIONAL: Final[dict[str, Any]] = {
     **dict.fromkeys(("vary_room", "on_mark"), bool),
     "faults": list[str],
     **dict.fromkeys(("ports", "variables"), dict[str, Any]),
-    "object_errors_m": list[float],
+    **dict.fromkeys(("object_errors_m", "object_height_errors_m"), list[float]),
     "tick_ms": Percentiles,
     "perception_ms": dict[str, Percentiles | None],
     "path": list[tuple[float, float, float, float]],  # t, x, y, z

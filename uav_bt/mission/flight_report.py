@@ -80,6 +80,7 @@ class FlightReport(FlightChanges):
     objects_found: int | None = None  # true objects that the map has within 0.5 m
     objects_total: int | None = None  # number of true objects
     object_errors_m: list[float] | None = None  # position errors of the found objects
+    object_height_errors_m: list[float] | None = None  # of those with a height; high is positive
     false_objects: int | None = None  # objects on the map without a true one
     # Distance from the drone's true position to its position on the map, aligned at the take-off:
     # 90 s and 180 s after the take-off command, and at the end.

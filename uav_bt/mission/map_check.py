@@ -118,12 +118,16 @@ class MapCheck:
         placement, site_map = self._alignment.placement, self._newest
         if placement is None or site_map is None:
             return {}
-        errors_m = matches(site_map.objects, self._objects, placement)
+        found = matches(site_map.objects, self._objects, placement)
+        heights_m = [(one.height_m, true.height_m) for _, one, true in found]
         return {
-            "objects_found": len(errors_m),
+            "objects_found": len(found),
             "objects_total": len(self._objects),
-            "object_errors_m": [round(error_m, 4) for error_m in errors_m],
-            "false_objects": len(site_map.objects) - len(errors_m),
+            "object_errors_m": [round(error_m, 4) for error_m, _, _ in found],
+            "object_height_errors_m": [
+                round(seen_m - true_m, 4) for seen_m, true_m in heights_m if seen_m is not None
+            ],
+            "false_objects": len(site_map.objects) - len(found),
             **self._drifts_m,
             "map_restarts": site_map.restarts,
         }
@@ -131,8 +135,8 @@ class MapCheck:
 
 def matches(
     believed: Sequence[MapObject], standing: Sequence[Standing], placement: MapPlacement
-) -> list[float]:
-    """Return the distances of matched objects of map and scene, metres.
+) -> list[tuple[float, MapObject, Standing]]:
+    """Return matched objects of map and scene, and their distances in metres before them.
 
     Objects of one class within half a metre are matched, the nearest pairs first, each object at
     most once.
@@ -144,12 +148,12 @@ def matches(
         for j, true in enumerate(standing)
         if one.class_id == true.class_id
     )
-    found: list[float] = []
+    found = []
     taken: set[tuple[str, int]] = set()
     for error_m, i, j in pairs:
         if error_m <= FOUND_M and taken.isdisjoint({("map", i), ("place", j)}):
             taken |= {("map", i), ("place", j)}
-            found.append(error_m)
+            found.append((error_m, believed[i], standing[j]))
     return found
 
 

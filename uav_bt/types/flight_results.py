@@ -97,6 +97,7 @@ class FoundObject:
     y_m: float
     size_m: float  # seen length of the longer side of its base
     width_m: float  # of the shorter side
+    height_m: float | None  # above the ground; None: no view showed where it ends
     heading_deg: float  # direction of the longer side, clockwise, 0 to 180
     std_m: float  # one standard deviation of the position
 
@@ -121,6 +122,7 @@ def found_object(seen: MapObject, class_name: str, start: Pose2D) -> FoundObject
         y_m=pose.y_m,
         size_m=round(seen.size_m, 3),
         width_m=round(seen.width_m, 3),
+        height_m=None if seen.height_m is None else round(seen.height_m, 3),
         heading_deg=round(pose.heading_deg % 180.0, 1),
         std_m=round(seen.std_m, 3),
     )

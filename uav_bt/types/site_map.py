@@ -34,7 +34,7 @@ class MapObject:
     yaw_rad: float = 0.0  # of the longer side, from the map's x towards its y
     id: int = 0  # unique in a mission, from 1; 0 before it has one
     points: int = 0  # number of the map's points on its base
-    height_m: float | None = None  # above the ground; None while its roof was not seen
+    height_m: float | None = None  # above the ground; None while no view showed where it ends
     height_std_m: float | None = None  # one standard deviation of the height
 
     def covers(self, x_m: float, y_m: float, *, margin_m: float = 0.0) -> bool:

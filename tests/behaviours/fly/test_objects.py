@@ -47,7 +47,7 @@ def show(bench: LeafBench, site_map: SiteMap) -> Status:
 
 
 def handed_out(
-    site_map: SiteMap, bench: LeafBench | None = None, **ports: str
+    site_map: SiteMap, bench: LeafBench | None = None, **ports: object
 ) -> list[tuple[str, str]]:
     """Return place and label of each tick until the leaf fails."""
     bench = bench or LeafBench(NextObject, place="{place}", label="{label}", **ports)
@@ -101,10 +101,36 @@ def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> 
     assert sorted(found) == [("object:1", NAMES[0]), ("object:3", NAMES[2])]
 
 
-def test_a_class_that_no_object_has_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("ports", "numbers"),
+    [
+        ({}, [1, 2, 3, 4]),
+        ({"order": "farthest"}, [4, 3, 2, 1]),
+        ({"order": "highest"}, [3, 1, 4, 2]),
+        ({"order": "largest"}, [2, 1, 3, 4]),
+        ({"order": "highest", "min_height_m": 1.0}, [3, 1]),
+        ({"within_m": 1.6}, [1, 2]),
+        ({"order": "highest", "class": NAMES[0], "within_m": 3.0}, [1, 2]),
+    ],
+)
+def test_the_order_and_the_bounds(ports: dict[str, object], numbers: list[int]) -> None:
+    """An object of unknown height comes last, and has no least height."""
+    site_map = map_of(
+        replace(box(1, -0.7, -1.5), height_m=1.2),
+        replace(box(2, 0.0, -1.5), size_m=0.5),
+        replace(box(3, 0.6, -1.0, class_id=BOXES[1]), height_m=1.9),
+        replace(box(4, 1.0, 1.0), height_m=0.8),
+    )
+    places = [f"object:{number}" for number in numbers]
+    assert [place for place, _ in handed_out(site_map, **ports)] == places
+
+
+def test_an_unknown_class_or_order_is_refused() -> None:
     for name in ("box_9", CLASSES.names[CARPET], CLASSES.names[ROOFS[0]], f"{NAMES[0]};box_9"):
         with pytest.raises(InputError, match="unknown class of an object"):
             LeafBench(ObjectSeen, **{"class": name}).setup()
+    with pytest.raises(InputError, match="one of nearest, highest, largest, farthest; got 'tall'"):
+        LeafBench(NextObject, order="tall").setup()
 
 
 def test_two_nodes_share_what_was_handed_out() -> None:

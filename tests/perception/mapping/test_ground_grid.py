@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import CELL_M, PASSED_M, REACH_M, GroundGrid
 from perception.mapping.view import View
-from tests.paper_lab import CLASSES, paper_map
+from tests.paper_lab import paper_map
 from tests.worlds import values
 from uav_bt.lab.classes import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole
@@ -31,7 +31,7 @@ def see(
     level_m = np.zeros((len(roles), len(ahead_m), 2))
     level_m[..., 0] = ahead_m
     ids = np.array(roles, dtype=np.uint8)
-    scan = GroundScan(level_m, ids, ids, ids, CLASSES.top_of, 1.5, min_run=1)
+    scan = GroundScan(level_m, ids, ids, 1.5, min_run=1)
     x_m, y_m, yaw_rad = pose
     where = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
     frame = values.frame((4, 8), -0.7, captured_s=captured_s)

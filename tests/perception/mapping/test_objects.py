@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from perception.mapping import known_objects
 from perception.mapping.known_objects import KnownObjects
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.objects import _DEPTH_M, find_objects
@@ -168,31 +169,17 @@ def test_after_a_restart_objects_are_found_in_the_frame_of_the_new_map() -> None
     assert ids(known, *moved) == [2, 1]
 
 
-def edges(known: KnownObjects, heights_m: list[float], x_m: float = 0.2, class_id: int = 4) -> None:
-    """Let a view show upper edges above one place."""
-    places_m, ids = np.array([(x_m, 0.0)] * len(heights_m)), np.full(len(heights_m), class_id)
-    known.see_edges(places_m, ids.astype(np.uint8), np.array(heights_m))
-
-
-def test_the_height_is_the_median_over_bearings_and_views() -> None:
-    known = KnownObjects()
+def test_the_height_is_the_median_over_views_and_outlives_an_absence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known, view = KnownObjects(), None
+    known.named([box(0.0), box(3.0)])
     for height_m in (0.80, 0.82, 0.84, 3.0, 0.81):
-        edges(known, [height_m, math.nan, height_m, height_m + 1.0, height_m])
-        (found,) = known.named([box(0.0)])
+        seen_m = np.array([height_m, math.nan])
+        monkeypatch.setattr(known_objects, "upper_edges", lambda *_, seen_m=seen_m: seen_m)
+        known.measure(view)
+    known.named([])
+    found, other = known.named([box(0.0), box(3.0)])
     assert found.height_m == pytest.approx(0.82)
     assert 0.02 < found.height_std_m < 0.03
-
-
-def test_without_enough_edges_of_its_own_an_object_has_no_height() -> None:
-    """A height outlives the time in which its object is gone."""
-    known = KnownObjects()
-    edges(known, [0.8, math.nan, 0.8])
-    edges(known, [0.8] * 9, x_m=0.5)
-    edges(known, [0.8] * 9, class_id=5)
-    (found,) = known.named([box(0.0)])
-    assert found.height_m is None
-    assert found.height_std_m is None
-    edges(known, [0.8] * 3)
-    known.named([box(0.0)])
-    known.named([])
-    assert known.named([box(0.0)])[0].height_m == 0.8
+    assert (other.height_m, other.height_std_m) == (None, None)

@@ -102,7 +102,7 @@ def test_a_map_has_everything_where_it_stands() -> None:
 def test_drift_is_corrected_by_what_is_seen_again() -> None:
     """What drifted before anything was seen twice stays; from then on half of it is taken away.
 
-    The roof of the first box is above the camera: its height stays unknown.
+    The top of the first box is above the images: its height stays unknown.
     """
     maps = fly(SiteMapper(CLASSES), slow_drift)
     found, true, off = maps[-1], flown()[-1][0], slow_drift((len(flown()) - 1) * STEP_S)

@@ -110,7 +110,9 @@ def test_a_flight_writes_its_results_to_its_folder(folder: Path) -> None:
     objects = json.loads((out / "objects.json").read_text(encoding="utf-8"))
     assert objects == {"frame": "start", "objects": report["objects"]}
     table = (out / "objects.csv").read_text(encoding="utf-8").splitlines()
-    assert table[0] == "id,class_name,x_m,y_m,size_m,width_m,heading_deg,std_m"
+    assert table[0] == "id,class_name,x_m,y_m,size_m,width_m,height_m,heading_deg,std_m"
+    unknown = [row.split(",")[6] == "" for row in table[1:]]
+    assert unknown == [each.height_m is None for each in flown.objects]
     assert len(table) == 1 + len(flown.objects)
 
 

@@ -115,6 +115,11 @@ def test_objects_are_found_by_class_and_place() -> None:
     report = flight.report()
     assert (report.objects_found, report.objects_total, report.false_objects) == (1, 2, 3)
     assert report.object_errors_m == pytest.approx([0.1])
+    assert report.object_height_errors_m == []
+    measured = [replace(one, height_m=0.97) for one in flight.map.objects]
+    flight.map = replace(flight.map, objects=tuple(measured))
+    flight.at(0.2)
+    assert flight.report().object_height_errors_m == pytest.approx([-0.03])
 
 
 @pytest.mark.parametrize(("ticks", "expected"), CASES["drift"])
@@ -142,7 +147,7 @@ def test_without_a_map_or_a_referee_there_is_no_result(*, referee: bool) -> None
     flight.at(1.0)
     report = flight.report().to_json()
     fields = {name for name in report if name.startswith(("map_", "object", "false"))}
-    assert len(fields) == 9
+    assert len(fields) == 10
     assert all(report[name] is None for name in fields)
 
 

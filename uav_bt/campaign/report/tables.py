@@ -185,6 +185,14 @@ def _flights(sets: Sequence[FlightSet]) -> Table:
     return Table("flights", "All flights", ("tree", *fields), rows)
 
 
+def _errors(mapped: Flights, field: str, *wanted: str) -> list[float | None]:
+    """Return figures of the sizes of errors, which flights list in a field."""
+    errors_m = stats.spread([abs(error) for each in mapped for error in each.get(field) or ()])
+    if len(mapped) < stats.PERCENTILE_FLIGHTS:
+        errors_m["95 %"] = None
+    return [stats.rounded(errors_m[name], "map_drift_m") for name in wanted]
+
+
 def _maps(sets: Sequence[FlightSet]) -> Table:
     rows: list[Row] = []
     for one in sets:
@@ -194,16 +202,19 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
                 sum(flight.get(name) or 0 for flight in mapped)
                 for name in ("objects_found", "objects_total", "false_objects", "map_restarts")
             )
-            errors_m = stats.spread([e for f in mapped for e in f.get("object_errors_m") or ()])
-            if len(mapped) < stats.PERCENTILE_FLIGHTS:
-                errors_m["95 %"] = None
-            wanted = ("mean", "median", "95 %", "most")
-            numbers = [stats.rounded(errors_m[name], "map_drift_m") for name in wanted]
-            share = round(100.0 * found / total, 1) if total else None
-            rows.append([one.label, len(mapped), found, total, share, false, *numbers, restarts])
+            places = _errors(mapped, "object_errors_m", "mean", "median", "95 %", "most")
+            heights = _errors(mapped, "object_height_errors_m", "median", "95 %")
+            known = sum(len(flight.get("object_height_errors_m") or ()) for flight in mapped)
+            shares = [
+                round(100.0 * part / whole, 1) if whole else None
+                for part, whole in ((found, total), (known, found))
+            ]
+            counts = one.label, len(mapped), found, total, shares[0], false
+            rows.append([*counts, *places, shares[1], *heights, restarts])
     columns = (
         *("tree", "flights", "objects found", "of", "found, %", "false objects"),
-        *("error, m: mean", "median", "95 %", "most", "restarts"),
+        *("error, m: mean", "median", "95 %", "most"),
+        *("heights known, %", "height error, m: median", "height, 95 %", "restarts"),
     )
     note = (
         f"An object is found if the map has one of its class within {FOUND_M:g} m. The pose "

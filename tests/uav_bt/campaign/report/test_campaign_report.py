@@ -288,17 +288,21 @@ def test_maps_and_timings_stand_in_tables_of_their_own(tmp_path: Path) -> None:
         "objects_found": 2,
         "objects_total": 4,
         "object_errors_m": [0.1, 0.3],
+        "object_height_errors_m": [-0.02],
         "false_objects": 1,
         "map_drift_m": 0.25,
         "map_restarts": 1,
     }
-    lost = made | {"objects_found": 0, "object_errors_m": [], "map_drift_m": 0.75}
+    none = {key: [] for key in ("object_errors_m", "object_height_errors_m")}
+    lost = made | none | {"objects_found": 0, "map_drift_m": 0.75}
     flights = (flight(0, **made), flight(1, **lost), flight(2, tree="two.xml"))
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
     (row,) = rows(written, "map")
     counts = {"flights": "2", "objects found": "2", "of": "8", "found, %": "25.0"}
     errors = {"error, m: mean": "0.2", "median": "0.2", "95 %": "", "most": "0.3"}
-    assert row == {"tree": "one", **counts, "false objects": "2", **errors, "restarts": "2"}
+    heights = {"heights known, %": "50.0", "height error, m: median": "0.02", "height, 95 %": ""}
+    ends = {"false objects": "2", "restarts": "2"}
+    assert row == {"tree": "one", **counts, **errors, **heights, **ends}
     told = {row["stage"]: row for row in rows(written, "timings") if row["tree"] == "one"}
     assert set(told) == {"whole tick", "segmentation", "flight"}
     assert told["segmentation"]["longest, ms"] == "30.0"
