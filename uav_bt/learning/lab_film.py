@@ -68,7 +68,8 @@ def film_lab(
     check_empty_folder(folder, "lab film")
     options, rounds = FlightOptions(lab=lab), dict[Path, tuple[TwinDrone, FreeGround]]()
     ceiling_m = (lab.flight.limits or {}).get("ceiling_m", math.inf)
-    own = tuple(lab.scenes) or [each for each in shipped_scenes() if load_scene(each).lab == lab.name]
+    shipped = (name for name in shipped_scenes() if load_scene(name).lab == lab.name)
+    own = tuple(lab.scenes) or tuple(shipped)
     for file in planned_scenes(scenes or own or None, options):
         scene = load_scene(file.path)
         lab_of(options, scene)  # refuses one of another lab
