@@ -7,11 +7,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from sim_bridge.twin.shapes import PRINTED, Shape, Vector2, Vector3, block
+from sim_bridge.twin.furniture import block
+from sim_bridge.twin.shapes import PRINTED, Shape, Vector2, Vector3
+from uav_bt.errors import ValueRangeError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_mark_finder
 from uav_bt.types import LandingMark, Pose2D
@@ -28,22 +30,28 @@ class ObjectSpec:
     """An object that stands on the ground."""
 
     kind: str  # of the lab; `box-1` to `box-8` are boxes in printed paper
-    position_m: Vector2  # centre on the ground, world x and y
+    position_m: Vector2 | None = None  # centre on the ground, or place on a wall, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
+    wall: Literal["north", "east", "south", "west"] | int | None = None  # its back is at this wall
+    along_m: float = 0.0  # from the middle of that wall, towards +x or, if it leads there, +y
     size_m: tuple[_Side, _Side, _Side] | None = None  # in place of that of its kind
+
+    def __post_init__(self) -> None:
+        if (self.position_m is None) == (self.wall is None):
+            raise ValueRangeError("an object needs either position_m or wall")
+        if self.along_m and self.wall is None:
+            raise ValueRangeError("along_m counts along a wall: add 'wall'")
+        if self.yaw_deg and self.wall is not None:
+            raise ValueRangeError("an object at a wall faces the room: remove 'yaw_deg'")
 
     @property
     def is_printed(self) -> bool:
         """Whether it is a box in printed paper."""
         return self.kind.startswith(PRINTED)
 
-    @property
-    def pose(self) -> Pose2D:
-        """Where it stands."""
-        return _pose(self.position_m, self.yaw_deg)
 
-
-def _pose(position_m: Vector2, yaw_deg: float) -> Pose2D:
+def pose_of(position_m: Vector2, yaw_deg: float) -> Pose2D:
+    """Return the pose in the world of a place and a yaw."""
     return Pose2D(x_m=position_m[0], y_m=position_m[1], yaw_rad=math.radians(yaw_deg))
 
 
@@ -54,11 +62,17 @@ class PlacedObject:
     name: str
     spec: ObjectSpec
     shape: Shape
+    pose: Pose2D
 
     @cached_property
     def standing(self) -> Standing:
         """The object on the ground."""
-        return self.shape.standing(self.spec.pose)
+        return self.shape.standing(self.pose)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it belongs to a wall."""
+        return self.spec.wall is not None or self.shape.hangs
 
     @property
     def footprint(self) -> Footprint:
@@ -107,7 +121,7 @@ class Helipad:
     @property
     def pose(self) -> Pose2D:
         """Where it stands."""
-        return _pose(self.position_m, self.yaw_deg)
+        return pose_of(self.position_m, self.yaw_deg)
 
     @cached_property
     def drawn(self) -> Block:

@@ -1,4 +1,4 @@
-"""Room around the ground: floor, ceiling and walls, and the contacts of a ground with corners."""
+"""Room around the ground: floor, ceiling, walls and places at them; a ground with corners."""
 
 from __future__ import annotations
 
@@ -6,26 +6,37 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.shapes import Vector2, block
+from sim_bridge.twin.furniture import block
+from sim_bridge.twin.objects import ObjectSpec
+from sim_bridge.twin.shapes import Vector2, Vector3
+from uav_bt.errors import ValueRangeError
 from uav_bt.lab.obj_file import triangulated
-from uav_bt.types.ground import Block, Ground
+from uav_bt.types import Pose2D
+from uav_bt.types.ground import Block, Footprint, Ground
+from uav_bt.types.pose import clamp, wrap_angle
+
+if TYPE_CHECKING:
+    from sim_bridge.twin.scene import Scene
 
 FLOOR_M: Final = -0.004  # height of the floor: the ground is 4 mm thick, its surface is z = 0
 _THICK_M: Final = 0.1
 _SLAB_M: Final = 0.2  # thickness of a polygon's contacts
+_ROUNDING_M: Final = 1e-9
+_ON_WALL_M: Final = 0.1  # largest distance of a place that lies on a wall
+_SIDE_RAD: Final = math.pi / 4 + 1e-9  # between a wall and its side of the room; chosen
+_SIDES: Final = {"north": math.pi / 2, "east": 0.0, "south": -math.pi / 2, "west": math.pi}
 
 
 def room_blocks(scene: Scene) -> dict[str, Block]:
     """Return floor, ceiling and walls by their names in contacts."""
     (wide_m, deep_m, high_m), half_m = scene.room_size_m, _THICK_M / 2
     top_m = FLOOR_M + high_m
-    walls = wall_blocks(scene)
+    walls = scene.walls
     beside_m = _THICK_M if walls else 0.0
     flat_m = (wide_m / 2 + beside_m, deep_m / 2 + beside_m)
     slabs: dict[str, Block] = {
@@ -43,21 +54,81 @@ def room_blocks(scene: Scene) -> dict[str, Block]:
     }
 
 
-def wall_blocks(scene: Scene) -> dict[str, Block]:
-    """Return the walls that the lab states, by their names in contacts; none without."""
-    walls = scene.room.walls
-    if walls is None:
-        return {}
-    outline: Sequence[Vector2] = scene.ground.corners_m
-    if walls.beside_m > 0.0:
-        outline = Ground(size_m=scene.room_size_m[:2]).corners_m
-    count = len(outline)
+def wall_blocks(corners_m: Sequence[Vector2], height_m: float) -> dict[str, Block]:
+    """Return the walls along an outline, counter-clockwise, by their names in contacts."""
+    count = len(corners_m)
     return {
         f"wall-{number + 1}": _wall(
-            [outline[(number + step) % count] for step in (-1, 0, 1, 2)], walls.height_m
+            [corners_m[(number + step) % count] for step in (-1, 0, 1, 2)], height_m
         )
         for number in range(count)
     }
+
+
+def at_wall(spec: ObjectSpec, size_m: Vector3, corners_m: Sequence[Vector2]) -> Pose2D:
+    """Return the pose of an object whose back is at a wall of an outline."""
+    faces = [_face(*ends) for ends in zip(corners_m, (*corners_m[1:], *corners_m[:1]), strict=True)]
+    if not faces:
+        raise ValueRangeError("the room has no walls: add 'walls' to the room of the lab file")
+    if spec.yaw_deg:
+        raise ValueRangeError("at a wall an object faces the room: remove 'yaw_deg'")
+    if spec.position_m is not None:
+        face = _face_at(spec.position_m, faces)
+        along_m, _ = face.to_body(*spec.position_m)
+    else:
+        face = _face_named(spec.wall or 0, faces)
+        ux, uy = math.cos(face.yaw_rad), math.sin(face.yaw_rad)
+        leads = ux if abs(ux) > abs(uy) - _ROUNDING_M else uy
+        along_m = math.copysign(spec.along_m, leads * spec.along_m)
+    free_m = face.half_x_m - size_m[0] / 2
+    if abs(along_m) > free_m + _ROUNDING_M:
+        cure = f"at most {free_m:.2f} m from the middle of the wall, got {abs(along_m):.2f}"
+        cure = f"place its middle {cure}" if free_m > 0.0 else "make it smaller"
+        raise ValueRangeError(f"reaches beyond its wall of {2 * face.half_x_m:.2f} m: {cure}")
+    x_m, y_m = face.to_world(along_m, size_m[1] / 2)
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(face.yaw_rad + math.pi))
+
+
+def _face(first: Vector2, last: Vector2) -> Footprint:
+    """Return the inner face of a wall, with the room on its left."""
+    return Footprint(
+        x_m=(first[0] + last[0]) / 2,
+        y_m=(first[1] + last[1]) / 2,
+        half_x_m=math.dist(first, last) / 2,
+        half_y_m=0.0,
+        yaw_rad=math.atan2(last[1] - first[1], last[0] - first[0]),
+    )
+
+
+def _face_named(wall: str | int, faces: Sequence[Footprint]) -> Footprint:
+    """Return the face of a wall by its number, or by the side of the room."""
+    fits = [number == wall for number in range(1, len(faces) + 1)]
+    if isinstance(wall, str):
+        aim_rad = _SIDES[wall] + math.pi / 2
+        fits = [abs(wrap_angle(face.yaw_rad - aim_rad)) < _SIDE_RAD for face in faces]
+    if sum(fits) == 1:
+        return faces[fits.index(True)]
+    middles = ", ".join(
+        f"{number} (its middle is {_text(face.x_m, face.y_m)})"
+        for number, (face, fitting) in enumerate(zip(faces, fits, strict=True), start=1)
+        if fitting or not any(fits)
+    )
+    raise ValueRangeError(f"wall: '{wall}' names {sum(fits)} walls; choose one: {middles}")
+
+
+def _face_at(place_m: Vector2, faces: Sequence[Footprint]) -> Footprint:
+    """Return the face of the wall on which a place lies."""
+    face = min(faces, key=lambda each: each.distance_m(*place_m))
+    if face.distance_m(*place_m) > _ON_WALL_M:
+        along_m = clamp(face.to_body(*place_m)[0], face.half_x_m)
+        on_wall = _text(*face.to_world(along_m, 0.0))
+        cure = f"the nearest place on one is {on_wall}; or give 'wall' and 'along_m'"
+        raise ValueRangeError(f"{_text(*place_m)} lies on no wall: {cure}")
+    return face
+
+
+def _text(x_m: float, y_m: float) -> str:
+    return f"[{round(x_m, 2) + 0.0:g}, {round(y_m, 2) + 0.0:g}]"
 
 
 def _wall(corners: Sequence[Vector2], height_m: float) -> Block:

@@ -37,17 +37,26 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 
 
 @command()
-def new(name: str, *, folder: Annotated[Path, Option(form="--in DIR")] = Path("labs")) -> None:
+def new(
+    name: str,
+    *,
+    simulated: bool = False,
+    folder: Annotated[Path, Option(form="--in DIR")] = Path("labs"),
+) -> None:
     """Write a commented lab file for a place of yours.
 
     NAME is the place, such as hall: its folder is labs/hall, and --lab hall finds it. A folder that
     exists is not changed.
 
     Options:
+        simulated: Describe a furnished room, and write a scene in it, to fly in the simulation.
         folder: Folder of your labs; it is made if it is absent.
     """
-    path = write_lab(name, folder)
+    path, *scenes = write_lab(name, folder, simulated=simulated)
     click.echo(f"written: {path} (edit it, then try: uav-bt check land_only --lab {path.parent})")
+    for scene in scenes:
+        try_it = f"uav-bt fly survey_and_land --lab {path.parent} --drone plain"
+        click.echo(f"written: {scene} (a room with furniture: {try_it})")
 
 
 @command()

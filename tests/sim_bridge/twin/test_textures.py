@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim_bridge.twin import textures
 from sim_bridge.twin.surfaces import paint_of
 from uav_bt.errors import FileError
-from uav_bt.lab.room import ROOF_PAPERS, SIDE_PAPERS, PaintedLine, Surface
+from uav_bt.lab.surface import ROOF_PAPERS, SIDE_PAPERS, PaintedLine, Surface
 
 RED = PaintedLine(points_m=((0.5, 0.25), (0.9, 0.25)), width_m=0.2, colour="#ff0000")
 WHOLE_M = (2.0, 1.0)

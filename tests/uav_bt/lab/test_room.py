@@ -14,7 +14,7 @@ from tests.worlds.tables import cases
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import pieces, read_obj
-from uav_bt.lab.room import check_picture
+from uav_bt.lab.surface import check_picture
 
 CASES = cases("labs")
 
