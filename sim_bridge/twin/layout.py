@@ -42,10 +42,9 @@ def refuse(faults: Iterable[LayoutError]) -> None:
 def object_faults(
     ground: Ground, standing: Mapping[str, Standing], names: Sequence[str], hanging: Collection[str]
 ) -> Iterator[LayoutError]:
-    """Yield objects that leave the ground or overlap another one before them, and such a mark.
+    """Yield objects, of all with these names, that overlap one before them or leave the ground.
 
-    `names` are those of all objects in the order of the file. What hangs at a wall may be beside
-    the ground.
+    What hangs at a wall may be beside it.
     """
     items = list(standing.items())
     for index, (name, item) in enumerate(items):
@@ -80,13 +79,13 @@ def mover_faults(
     """Yield movers whose path leaves the ground or is not free."""
     for index, mover in enumerate(movers):
         off = [corner for corner in mover.path_m if not ground.contains(*corner)]
-        wrong = f"leaves the ground at {_text(off[0])}" if off else None
+        wrong = f"leaves the ground at {place_text(off[0])}" if off else None
         for name, item in standing.items():
             leg = leg_through(mover, item.footprint)
             if wrong is None and leg is not None:
-                wrong = f"leads through {name} from {_text(leg[0])} to {_text(leg[1])}"
+                wrong = f"leads through {name} from {place_text(leg[0])} to {place_text(leg[1])}"
         if wrong is None and take_off_m and mover.distance_m(*take_off_m) < KEPT_FREE_M:
-            wrong = f"comes within {KEPT_FREE_M} m of the take-off place {_text(take_off_m)}"
+            wrong = f"comes within {KEPT_FREE_M} m of the take-off place {place_text(take_off_m)}"
         if wrong is not None:
             yield LayoutError(f"mover-{index + 1}: its path {wrong}", "movers", index)
 
@@ -100,8 +99,9 @@ def leg_through(mover: MoverSpec, footprint: Footprint) -> tuple[Vector2, Vector
     return None
 
 
-def _text(place: Vector2) -> str:
-    return f"[{place[0]:g}, {place[1]:g}]"
+def place_text(place_m: Vector2) -> str:
+    """Return a place as scene files have it."""
+    return "[{:g}, {:g}]".format(*(round(value, 2) + 0.0 for value in place_m))
 
 
 def overlaps(one: Standing, other: Standing) -> bool:

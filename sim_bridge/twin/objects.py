@@ -38,11 +38,9 @@ class ObjectSpec:
 
     def __post_init__(self) -> None:
         if (self.position_m is None) == (self.wall is None):
-            raise ValueRangeError("an object needs either position_m or wall")
+            raise ValueRangeError("an object needs either position_m or wall, and not both")
         if self.along_m and self.wall is None:
             raise ValueRangeError("along_m counts along a wall: add 'wall'")
-        if self.yaw_deg and self.wall is not None:
-            raise ValueRangeError("an object at a wall faces the room: remove 'yaw_deg'")
 
     @property
     def is_printed(self) -> bool:
@@ -50,8 +48,7 @@ class ObjectSpec:
         return self.kind.startswith(PRINTED)
 
 
-def pose_of(position_m: Vector2, yaw_deg: float) -> Pose2D:
-    """Return the pose in the world of a place and a yaw."""
+def _pose(position_m: Vector2, yaw_deg: float) -> Pose2D:
     return Pose2D(x_m=position_m[0], y_m=position_m[1], yaw_rad=math.radians(yaw_deg))
 
 
@@ -62,17 +59,17 @@ class PlacedObject:
     name: str
     spec: ObjectSpec
     shape: Shape
-    pose: Pose2D
+    at_wall: Pose2D | None = None  # of what belongs to a wall
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where it stands."""
+        return self.at_wall or _pose(self.spec.position_m or (0.0, 0.0), self.spec.yaw_deg)
 
     @cached_property
     def standing(self) -> Standing:
         """The object on the ground."""
         return self.shape.standing(self.pose)
-
-    @property
-    def is_fixed(self) -> bool:
-        """Whether it belongs to a wall."""
-        return self.spec.wall is not None or self.shape.hangs
 
     @property
     def footprint(self) -> Footprint:
@@ -121,7 +118,7 @@ class Helipad:
     @property
     def pose(self) -> Pose2D:
         """Where it stands."""
-        return pose_of(self.position_m, self.yaw_deg)
+        return _pose(self.position_m, self.yaw_deg)
 
     @cached_property
     def drawn(self) -> Block:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.furniture import block
+from sim_bridge.twin.layout import place_text
 from sim_bridge.twin.objects import ObjectSpec
 from sim_bridge.twin.shapes import Vector2, Vector3
 from uav_bt.errors import ValueRangeError
@@ -82,8 +82,8 @@ def at_wall(spec: ObjectSpec, size_m: Vector3, corners_m: Sequence[Vector2]) -> 
         along_m = math.copysign(spec.along_m, leads * spec.along_m)
     free_m = face.half_x_m - size_m[0] / 2
     if abs(along_m) > free_m + _ROUNDING_M:
-        cure = f"at most {free_m:.2f} m from the middle of the wall, got {abs(along_m):.2f}"
-        cure = f"place its middle {cure}" if free_m > 0.0 else "make it smaller"
+        where = f"at most {max(free_m, 0.0):.2f} m from the middle of the wall"
+        cure = f"make it smaller, or place its middle {where}, got {abs(along_m):.2f}"
         raise ValueRangeError(f"reaches beyond its wall of {2 * face.half_x_m:.2f} m: {cure}")
     x_m, y_m = face.to_world(along_m, size_m[1] / 2)
     return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(face.yaw_rad + math.pi))
@@ -109,7 +109,7 @@ def _face_named(wall: str | int, faces: Sequence[Footprint]) -> Footprint:
     if sum(fits) == 1:
         return faces[fits.index(True)]
     middles = ", ".join(
-        f"{number} (its middle is {_text(face.x_m, face.y_m)})"
+        f"{number} (its middle is {place_text((face.x_m, face.y_m))})"
         for number, (face, fitting) in enumerate(zip(faces, fits, strict=True), start=1)
         if fitting or not any(fits)
     )
@@ -121,14 +121,10 @@ def _face_at(place_m: Vector2, faces: Sequence[Footprint]) -> Footprint:
     face = min(faces, key=lambda each: each.distance_m(*place_m))
     if face.distance_m(*place_m) > _ON_WALL_M:
         along_m = clamp(face.to_body(*place_m)[0], face.half_x_m)
-        on_wall = _text(*face.to_world(along_m, 0.0))
+        on_wall = place_text(face.to_world(along_m, 0.0))
         cure = f"the nearest place on one is {on_wall}; or give 'wall' and 'along_m'"
-        raise ValueRangeError(f"{_text(*place_m)} lies on no wall: {cure}")
+        raise ValueRangeError(f"{place_text(place_m)} lies on no wall: {cure}")
     return face
-
-
-def _text(x_m: float, y_m: float) -> str:
-    return f"[{round(x_m, 2) + 0.0:g}, {round(y_m, 2) + 0.0:g}]"
 
 
 def _wall(corners: Sequence[Vector2], height_m: float) -> Block:
@@ -137,17 +133,12 @@ def _wall(corners: Sequence[Vector2], height_m: float) -> Block:
     It covers the corners of the room at which the room is convex.
     """
     before, first, last, after = corners
-    length_m = math.dist(first, last)
-    ux, uy = (last[0] - first[0]) / length_m, (last[1] - first[1]) / length_m
     early_m = _THICK_M if _is_convex(before, first, last) else 0.0
     late_m = _THICK_M if _is_convex(first, last, after) else 0.0
-    along_m = (length_m + late_m - early_m) / 2
-    centre_m = (
-        first[0] + along_m * ux + _THICK_M / 2 * uy,
-        first[1] + along_m * uy - _THICK_M / 2 * ux,
-    )
-    wall = block(((length_m + early_m + late_m) / 2, _THICK_M / 2), 0.0, height_m, centre_m)
-    return replace(wall, footprint=replace(wall.footprint, yaw_rad=math.atan2(uy, ux)))
+    face = _face(first, last)
+    centre_m = ((late_m - early_m) / 2, -_THICK_M / 2)
+    wall = block((face.half_x_m + (early_m + late_m) / 2, _THICK_M / 2), 0.0, height_m, centre_m)
+    return wall.at(face)
 
 
 def _is_convex(a: Vector2, b: Vector2, c: Vector2) -> bool:

@@ -19,7 +19,7 @@ from sim_bridge.twin.layout import (
     take_off_faults,
 )
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.objects import Helipad, ObjectSpec, PlacedObject, object_names, pose_of
+from sim_bridge.twin.objects import Helipad, ObjectSpec, PlacedObject, object_names
 from sim_bridge.twin.room import at_wall, wall_blocks
 from sim_bridge.twin.shapes import PRINTED, SceneLab, Shape, Vector2, Vector3, lab_of_scene
 from uav_bt.errors import InputError
@@ -84,7 +84,7 @@ class Scene:
                 known.append(mover)
                 faults.append(LayoutError(str(error), "movers", index))
         object.__setattr__(self, "movers", tuple(known))
-        hanging = {item.name for item in self.placed if item.shape.hangs}
+        hanging = {item.name for item in self.placed if item.shape.kind.shape in ON_WALL}
         faults += object_faults(self.ground, self.standing, object_names(self.objects), hanging)
         if self.helipad is None and place is None and not self.take_off.random:
             message = (
@@ -192,21 +192,16 @@ class Scene:
     def _tried(self) -> list[PlacedObject | LayoutError]:
         """The objects, and the reasons why the others cannot be placed."""
         tried: list[PlacedObject | LayoutError] = []
-        for index, name in enumerate(object_names(self.objects)):
-            spec = self.objects[index]
+        names = object_names(self.objects)
+        for index, (name, spec) in enumerate(zip(names, self.objects, strict=True)):
             try:
-                tried.append(self._placed(name, spec))
+                shape, pose = self.shape_of(spec), None
+                if spec.wall is not None or shape.kind.shape in ON_WALL:
+                    pose = at_wall(spec, shape.kind.size_m, self.wall_corners_m)
+                tried.append(PlacedObject(name=name, spec=spec, shape=shape, at_wall=pose))
             except InputError as error:
                 tried.append(LayoutError(str(error), "objects", index))
         return tried
-
-    def _placed(self, name: str, spec: ObjectSpec) -> PlacedObject:
-        shape = self.shape_of(spec)
-        if spec.position_m is None or shape.hangs:
-            pose = at_wall(spec, shape.kind.size_m, self.wall_corners_m)
-        else:
-            pose = pose_of(spec.position_m, spec.yaw_deg)
-        return PlacedObject(name=name, spec=spec, shape=shape, pose=pose)
 
     @cached_property
     def standing(self) -> dict[str, Standing]:

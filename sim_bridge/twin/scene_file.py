@@ -77,17 +77,13 @@ def load_scene(name_or_path: str | Path) -> Scene:
             lab=lab,
         )
     except LayoutError as error:
-        faults = [(_steps(each, len(found.boxes)), str(each)) for each in (error, *error.others)]
-        raise file.errors(faults) from error
-
-
-def _steps(error: LayoutError, boxes: int) -> Steps:
-    """Return the place in the file of what is arranged wrongly; boxes come before the objects."""
-    section, *index = error.place
-    if section == "objects" and index:
-        number = int(index[0])
-        return ("boxes", number) if number < boxes else ("objects", number - boxes)
-    return error.place
+        items: list[Steps] = [
+            (key, n) for key in ("boxes", "objects") for n in range(len(getattr(found, key)))
+        ]
+        raise file.errors(
+            (items[int(one.place[1])] if one.place[0] == "objects" else one.place, str(one))
+            for one in (error, *error.others)
+        ) from error
 
 
 def _lab_of(file: YamlFile[_SceneFile]) -> str:

@@ -20,7 +20,7 @@ from uav_bt.errors import UnknownNameError
 from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.obj_file import pieces
-from uav_bt.lab.room import ON_WALL, ObjectKind
+from uav_bt.lab.room import ObjectKind
 from uav_bt.lab.shipped import load_lab, shipped_labs
 from uav_bt.lab.surface import ROOF_PAPERS, SIDE_PAPERS, Surface
 from uav_bt.types import Pose2D
@@ -50,11 +50,6 @@ class Shape:
         if self.mesh is not None:
             return tuple(_around(piece) for piece in pieces(self.mesh))
         return parts_of(self.kind)
-
-    @property
-    def hangs(self) -> bool:
-        """Whether it is flat on a wall."""
-        return self.kind.shape in ON_WALL
 
     @cached_property
     def outline(self) -> Standing:

@@ -67,10 +67,14 @@ def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point
     colour, seed = surface.colour, _seed(surface)
     if surface.image is not None:
         return partial(_picture, folder / surface.image), surface.tile_m or _TILE_M
+    make: Callable[[], Image]
     match surface.generator:
-        case None | "paint":
-            make = partial(_paint, seed=seed) if surface.generator else _plain
-            return partial(make, colour or _GREY), _TILE_M
+        case None:
+            make: Callable[[], Image] = partial(
+                np.full, (16, 16, 3), _rgb(colour or _GREY), np.uint8
+            )
+        case "paint":
+            make = partial(_paint, colour or _GREY, seed)
         case "carpet":
             return partial(textures.carpet, _LARGE_TILE_M), _LARGE_TILE_M
         case "concrete":
@@ -79,6 +83,7 @@ def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point
             return partial(_wood, colour or _BROWN, seed), _WOOD_TILE_M
         case paper:
             return partial(textures.paper, paper), (textures.PAPER_TILE_M, textures.PAPER_TILE_M)
+    return make, _TILE_M
 
 
 def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
@@ -122,10 +127,6 @@ def _laid(tile: Image, tile_m: Point, whole_m: Point) -> Image:
         for pixels, side_m, each_m, texels in sizes
     )
     return np.asarray(tile[np.ix_(down.astype(int), right.astype(int))], np.uint8)
-
-
-def _plain(colour: str) -> Image:
-    return np.full((16, 16, 3), _rgb(colour), np.uint8)
 
 
 def _carpet(size_m: Point, colour: str, seed: int) -> Image:

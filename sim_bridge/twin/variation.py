@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -12,11 +13,11 @@ from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin.layout import MAX_MOVERS, LayoutError, leg_through, outside, overlaps
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.noise import child_seed
-from sim_bridge.twin.objects import ObjectSpec, PlacedObject, pose_of
+from sim_bridge.twin.objects import ObjectSpec, PlacedObject, object_names
 from sim_bridge.twin.scene import Lighting, Scene
 from sim_bridge.twin.shapes import PRINTED
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Pose, Pose2D
+from uav_bt.types import Pose
 
 # Least distance between two objects (most gaps let the drone pass), and to mark and take-off point:
 # of boxes in printed paper between centres, of the kinds of a lab between the circles around them.
@@ -71,53 +72,52 @@ def _varied_light(lighting: Lighting, rng: np.random.Generator) -> Lighting:
 
 def _moved(scene: Scene, rng: np.random.Generator) -> tuple[ObjectSpec, ...]:
     """Return the objects of a scene at random places, as far apart as drone and paths need."""
-    placed: list[PlacedObject] = []
+    fixed = {item.name: item for item in scene.placed if item.at_wall is not None}
+    placed = dict(fixed)
+    wanted = dict(zip(object_names(scene.objects), scene.objects, strict=True))
     narrower = 1.0
     for number in range(1, _TRIES + 1):
-        if len(placed) == len(scene.placed):
+        if len(placed) == len(wanted):
             break
         if number % _NARROWED_EVERY == 0:
             narrower *= _NARROWER
-            placed.clear()
-        item = scene.placed[len(placed)]
-        if item.is_fixed:
-            placed.append(item)
-            continue
-        spec, pose = _drawn(scene, item.spec, rng)
-        item = replace(item, spec=spec, shape=scene.shape_of(spec), pose=pose)
-        if _fits(scene, item, placed, narrower):
-            placed.append(item)
+            placed = dict(fixed)
+        name = next(each for each in wanted if each not in placed)
+        spec = _drawn(scene, wanted[name], rng)
+        item = PlacedObject(name=name, spec=spec, shape=scene.shape_of(spec))
+        if _fits(scene, item, placed.values(), narrower):
+            placed[name] = item
         elif rng.random() < 0.01:  # restart: the first objects may leave no space for the rest
-            placed.clear()
-    if len(placed) < len(scene.placed):
-        raise ValueRangeError(f"no room for {len(scene.placed)} objects in scene '{scene.name}'")
-    return tuple(item.spec for item in placed)
+            placed = dict(fixed)
+    if len(placed) < len(wanted):
+        raise ValueRangeError(f"no room for {len(wanted)} objects in scene '{scene.name}'")
+    return tuple(placed[name].spec for name in wanted)
 
 
-def _drawn(scene: Scene, spec: ObjectSpec, rng: np.random.Generator) -> tuple[ObjectSpec, Pose2D]:
+def _drawn(scene: Scene, spec: ObjectSpec, rng: np.random.Generator) -> ObjectSpec:
     """Return an object at a random place; a box in printed paper has another size, too."""
     printed = spec.is_printed
     high = printed and rng.random() < _HIGH_SHARE
     edge_m = _FROM_EDGE_M if printed else 0.0
     half_x, half_y = (side / 2 - edge_m for side in scene.ground.size_m)
-    place_m = (_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y))
-    yaw_deg = _rounded(rng, -90.0, 90.0)
-    spec, pose = replace(spec, position_m=place_m, yaw_deg=yaw_deg), pose_of(place_m, yaw_deg)
+    spec = replace(
+        spec,
+        position_m=(_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y)),
+        yaw_deg=_rounded(rng, -90.0, 90.0),
+    )
     if not printed:
-        return spec, pose
+        return spec
     heights = (_HIGH_M, _HEIGHTS_M[1]) if high else (_HEIGHTS_M[0], _HIGH_M)
     sides_m = _rounded(rng, *_SIDES_M), _rounded(rng, *_SIDES_M)
-    return replace(spec, size_m=(*sides_m, _rounded(rng, *heights))), pose
+    return replace(spec, size_m=(*sides_m, _rounded(rng, *heights)))
 
 
-def _fits(scene: Scene, item: PlacedObject, placed: list[PlacedObject], narrower: float) -> bool:
-    printed, at_m = item.spec.is_printed, (item.pose.x_m, item.pose.y_m)
+def _fits(
+    scene: Scene, item: PlacedObject, placed: Iterable[PlacedObject], narrower: float
+) -> bool:
+    printed, at_m = item.spec.is_printed, _place_m(item)
     apart_m = narrower * (_BOXES_APART_M if printed else _APART_M) + _reach_m(item)
-    others = {*placed, *(other for other in scene.placed if other.is_fixed)}
-    if any(
-        math.dist(at_m, (other.pose.x_m, other.pose.y_m)) < apart_m + _reach_m(other)
-        for other in others
-    ):
+    if any(math.dist(at_m, _place_m(other)) < apart_m + _reach_m(other) for other in placed):
         return False
     from_pad_m = (_BOX_FROM_PAD_M if printed else _FROM_PAD_M) + _reach_m(item)
     if min(math.dist(at_m, place_m) for place_m in _kept_free_m(scene)) < from_pad_m:
@@ -126,6 +126,10 @@ def _fits(scene: Scene, item: PlacedObject, placed: list[PlacedObject], narrower
         return False
     paths_free = all(leg_through(mover, item.footprint) is None for mover in scene.movers)
     return paths_free and outside(scene.ground, item.footprint) is None
+
+
+def _place_m(item: PlacedObject) -> tuple[float, float]:
+    return item.pose.x_m, item.pose.y_m
 
 
 def _reach_m(item: PlacedObject) -> float:

@@ -29,6 +29,7 @@ from uav_bt.cli.shared import Positive, print_or_write, table
 from uav_bt.display.lab_map import MapItem, draw_lab_with_axes
 from uav_bt.errors import FileError
 from uav_bt.files import did_you_mean_file, write_whole
+from uav_bt.lab.lab import SCENES_FOLDER
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 from uav_bt.option import Option
@@ -52,11 +53,10 @@ def new(
         simulated: Describe a furnished room, and write a scene in it, to fly in the simulation.
         folder: Folder of your labs; it is made if it is absent.
     """
-    path, *scenes = write_lab(name, folder, simulated=simulated)
-    click.echo(f"written: {path} (edit it, then try: uav-bt check land_only --lab {path.parent})")
-    for scene in scenes:
-        try_it = f"uav-bt fly survey_and_land --lab {path.parent} --drone plain"
-        click.echo(f"written: {scene} (a room with furniture: {try_it})")
+    path = write_lab(name, folder, simulated=simulated)
+    call = "fly survey_and_land --drone plain" if simulated else "check land_only"
+    beside = f" and {SCENES_FOLDER}/{name}-a.yaml beside it" if simulated else ""
+    click.echo(f"written: {path}{beside} (edit, then try: uav-bt {call} --lab {path.parent})")
 
 
 @command()

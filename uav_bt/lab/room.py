@@ -29,7 +29,8 @@ _Solid = Literal["box", "cylinder", "mesh", "table", "round_table", "rack"]
 _Furniture = Literal["chair", "shelf", "cabinet", "person", "door", "window"]
 ShapeName = Literal[_Solid, _Furniture]
 ROUND: Final = "cylinder", "round_table"
-ON_LEGS: Final = "table", "round_table", "rack", "chair"
+ON_POSTS: Final = "table", "round_table", "rack"  # of a stated width
+ON_LEGS: Final = (*ON_POSTS, "chair")
 ON_WALL: Final = "door", "window"
 # Names in contacts and messages that kinds of objects cannot have.
 _TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
@@ -121,19 +122,26 @@ class LightSection:
     """Lamps at the ceiling."""
 
 
-_UNSTATED: Final = Surface(generator="wood")
+_UNSTATED, _WOOD = Surface(generator="wood"), Surface(generator="wood")
 _NO_SIZE: Final = (0.0, 0.0, 0.0)
-# Size, colour and colour of the frame of furniture whose kind states none; None: wood.
-_USUAL: Final[dict[str, tuple[tuple[float, float, float], str | None, str | None]]] = {
-    "table": ((1.4, 0.7, 0.74), None, "#4a4f54"),
-    "round_table": ((1.0, 1.0, 0.74), "#ece9e2", "#4a4f54"),
-    "rack": ((1.2, 0.4, 2.0), None, "#4a4f54"),
-    "chair": ((0.46, 0.5, 0.9), "#35586f", "#2f3134"),
-    "shelf": ((0.9, 0.32, 1.8), None, "#7d5f3a"),
-    "cabinet": ((0.8, 0.42, 1.1), "#d5d8da", None),
-    "door": ((0.95, 0.08, 2.05), "#8a5a34", "#efece4"),
-    "window": ((1.3, 0.1, 1.2), "#9fd0f0", "#fafaf8"),
-    "person": ((0.5, 0.3, 1.75), "#2d6cb5", "#d9a583"),
+_USUAL: Final[dict[str, dict[str, Any]]] = {
+    shape: {
+        "size_m": size_m,
+        "surface": Surface(colour=colour) if colour else _WOOD,
+        "frame": Surface(colour=frame) if frame else None,
+        "above_floor_m": 0.9 if shape == "window" else None,
+    }
+    for shape, size_m, colour, frame in (
+        ("table", (1.4, 0.7, 0.74), None, "#4a4f54"),
+        ("round_table", (1.0, 1.0, 0.74), "#ece9e2", "#4a4f54"),
+        ("rack", (1.2, 0.4, 2.0), None, "#4a4f54"),
+        ("chair", (0.46, 0.5, 0.9), "#35586f", "#2f3134"),
+        ("shelf", (0.9, 0.32, 1.8), None, "#7d5f3a"),
+        ("cabinet", (0.8, 0.42, 1.1), "#d5d8da", None),
+        ("door", (0.95, 0.08, 2.05), "#8a5a34", "#efece4"),
+        ("window", (1.3, 0.1, 1.2), "#9fd0f0", "#fafaf8"),
+        ("person", (0.5, 0.3, 1.75), "#2d6cb5", "#d9a583"),
+    )
 }
 
 
@@ -188,32 +196,27 @@ class ObjectKind:
             raise ValueRangeError(f"a {self.shape} does not move: remove 'moves'")
         if self.above_floor_m is not None and self.shape not in ON_WALL:
             raise ValueRangeError(f"a {self.shape} stands on the floor: remove 'above_floor_m'")
-        if self.shape in ON_LEGS and self.post_m > min(self.size_m[:2]) / 3:
+        if self.shape in ON_POSTS and self.post_m > min(self.size_m[:2]) / 3:
             raise ValueRangeError(f"post_m: at most a third of the width, got {self.post_m:g}")
         boards = self.shelves if self.shape in ("rack", "shelf") else 1
-        if self.shape in (*ON_LEGS, "shelf") and self.board_m > self.size_m[2] / (2 * boards):
+        if self.shape in (*ON_POSTS, "shelf") and self.board_m > self.size_m[2] / (2 * boards):
             most = "half of the height between boards"
             raise ValueRangeError(f"board_m: at most {most}, got {self.board_m:g}")
 
     def _fill_in(self) -> None:
-        """Set size and looks of furniture that the kind does not state."""
-        size_m, colour, frame = _USUAL.get(self.shape, (_NO_SIZE, None, None))
-        stated = {
-            "class": self.class_name or self.shape in ON_WALL,
-            "size_m": self.size_m is not _NO_SIZE or size_m is not _NO_SIZE,
-            "surface": self.surface is not _UNSTATED or self.shape in _USUAL,
-        }
-        for key in (key for key, known in stated.items() if not known):
-            raise ValueRangeError(f"lacks the key '{key}', which a {self.shape} needs")
-        is_bare, usual = self.surface is _UNSTATED, dict[str, object]()
-        if self.size_m is _NO_SIZE:
-            usual["size_m"] = size_m
-        if is_bare and colour is not None:
-            usual["surface"] = Surface(colour=colour)
-        if self.frame is None and frame and (is_bare or self.shape not in ("table", "rack")):
-            usual["frame"] = Surface(colour=frame)
-        for name, value in usual.items():
-            object.__setattr__(self, name, value)
+        """Set what the kind does not state: furniture has a usual size and look."""
+        usual = _USUAL.get(self.shape, {})
+        if self.surface is not _UNSTATED and self.shape in ("table", "rack"):
+            usual = {**usual, "frame": None}
+        unstated = {"size_m": _NO_SIZE, "surface": _UNSTATED, "frame": None, "above_floor_m": None}
+        for key in (key for key, missing in unstated.items() if getattr(self, key) is missing):
+            object.__setattr__(self, key, usual.get(key, unstated[key]))
+        lacks = "size_m" if self.size_m is _NO_SIZE else "surface"
+        if not self.class_name and self.shape not in ON_WALL:
+            lacks = "class"
+        elif self.size_m is not _NO_SIZE and self.surface is not _UNSTATED:
+            return
+        raise ValueRangeError(f"lacks the key '{lacks}', which a {self.shape} needs")
 
 
 @dataclass(frozen=True, kw_only=True)

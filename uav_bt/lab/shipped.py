@@ -61,7 +61,7 @@ def default_mark() -> LandingMark:
     return lab.mark
 
 
-def write_lab(name: str, folder: Path, *, simulated: bool = False) -> list[Path]:
+def write_lab(name: str, folder: Path, *, simulated: bool = False) -> Path:
     """Write the commented lab file of a new place into the folder of the labs; return its path.
 
     With `simulated` it describes a furnished room, and a scene in it is written, too.
@@ -84,7 +84,7 @@ def write_lab(name: str, folder: Path, *, simulated: bool = False) -> list[Path]
     except FileError:
         shutil.rmtree(path.parent, ignore_errors=True)  # the name is free for another try
         raise
-    return list(starters)
+    return path
 
 
 @cache
