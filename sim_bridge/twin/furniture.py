@@ -5,7 +5,7 @@ At yaw 0 the front of a shape looks along its -y axis, down in the drawing of a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -34,7 +34,9 @@ class Part(Block):
 
 def parts_of(kind: ObjectKind) -> tuple[Part, ...]:
     """Return the parts of a kind; of a mesh the box around it."""
-    return tuple(_MAKERS.get(kind.shape, whole)(kind))
+    makers = {"table": _table, "round_table": _table, "rack": _rack, "shelf": _rack}
+    usual = _by_shares if kind.shape in _SHARES else whole
+    return tuple(makers.get(kind.shape, usual)(kind))
 
 
 def block(
@@ -147,8 +149,3 @@ _SHARES: Final[Mapping[str, tuple[tuple[Span, Span, Span, Look], ...]]] = {
     ),
 }
 _ROOFED: Final = {("cabinet", 1.0), ("chair", 0.5)}  # and the heights of their upper faces
-_MAKERS: Final[Mapping[str, Callable[[ObjectKind], Iterator[Part]]]] = {
-    **dict.fromkeys(_SHARES, _by_shares),
-    **dict.fromkeys(("table", "round_table"), _table),
-    **dict.fromkeys(("rack", "shelf"), _rack),
-}

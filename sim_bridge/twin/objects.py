@@ -33,7 +33,7 @@ class ObjectSpec:
     position_m: Vector2 | None = None  # centre on the ground, or place on a wall, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
     wall: Literal["north", "east", "south", "west"] | int | None = None  # its back is at this wall
-    along_m: float = 0.0  # from the middle of that wall, towards +x or, if it leads there, +y
+    along_m: float = 0.0  # from the middle of that wall, to the right or up in the drawing
     size_m: tuple[_Side, _Side, _Side] | None = None  # in place of that of its kind
 
     def __post_init__(self) -> None:

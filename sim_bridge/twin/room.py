@@ -77,9 +77,8 @@ def at_wall(spec: ObjectSpec, size_m: Vector3, corners_m: Sequence[Vector2]) -> 
         along_m, _ = face.to_body(*spec.position_m)
     else:
         face = _face_named(spec.wall or 0, faces)
-        ux, uy = math.cos(face.yaw_rad), math.sin(face.yaw_rad)
-        leads = ux if abs(ux) > abs(uy) - _ROUNDING_M else uy
-        along_m = math.copysign(spec.along_m, leads * spec.along_m)
+        leads = abs(wrap_angle(face.yaw_rad - math.pi / 4)) < math.pi / 2  # to the right or up
+        along_m = spec.along_m if leads else -spec.along_m
     free_m = face.half_x_m - size_m[0] / 2
     if abs(along_m) > free_m + _ROUNDING_M:
         where = f"at most {max(free_m, 0.0):.2f} m from the middle of the wall"

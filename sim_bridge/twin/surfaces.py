@@ -70,9 +70,7 @@ def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point
     make: Callable[[], Image]
     match surface.generator:
         case None:
-            make: Callable[[], Image] = partial(
-                np.full, (16, 16, 3), _rgb(colour or _GREY), np.uint8
-            )
+            make = partial(np.full, (16, 16, 3), _rgb(colour or _GREY), np.uint8)
         case "paint":
             make = partial(_paint, colour or _GREY, seed)
         case "carpet":

@@ -211,12 +211,10 @@ class ObjectKind:
         unstated = {"size_m": _NO_SIZE, "surface": _UNSTATED, "frame": None, "above_floor_m": None}
         for key in (key for key, missing in unstated.items() if getattr(self, key) is missing):
             object.__setattr__(self, key, usual.get(key, unstated[key]))
-        lacks = "size_m" if self.size_m is _NO_SIZE else "surface"
-        if not self.class_name and self.shape not in ON_WALL:
-            lacks = "class"
-        elif self.size_m is not _NO_SIZE and self.surface is not _UNSTATED:
-            return
-        raise ValueRangeError(f"lacks the key '{lacks}', which a {self.shape} needs")
+        lacks = {"size_m": self.size_m is _NO_SIZE, "surface": self.surface is _UNSTATED}
+        lacks["class"] = not self.class_name and self.shape not in ON_WALL
+        for key in (each for each, is_missing in lacks.items() if is_missing):
+            raise ValueRangeError(f"lacks the key '{key}', which a {self.shape} needs")
 
 
 @dataclass(frozen=True, kw_only=True)
