@@ -35,7 +35,7 @@ class Part(Block):
 def parts_of(kind: ObjectKind) -> tuple[Part, ...]:
     """Return the parts of a kind; of a mesh the box around it."""
     makers = {"table": _table, "round_table": _table, "rack": _rack, "shelf": _rack}
-    usual = _by_shares if kind.shape in _SHARES else whole
+    usual = _of_boxes if kind.shape in _BOXES else whole
     return tuple(makers.get(kind.shape, usual)(kind))
 
 
@@ -74,7 +74,7 @@ def _rack(kind: ObjectKind) -> Iterator[Part]:
     for top_m in tops_m.tolist():
         shelf = block(half_m, max(top_m - kind.board_m, 0.0), top_m)
         yield replace(shelf, roofed=top_m == tops_m[-1])
-    yield from _legs(kind, 0.0, height_m) if kind.shape == "rack" else _by_shares(kind)
+    yield from _legs(kind, 0.0, height_m) if kind.shape == "rack" else _of_boxes(kind)
 
 
 def _legs(kind: ObjectKind, inset_m: float, top_m: float) -> Iterator[Part]:
@@ -86,66 +86,67 @@ def _legs(kind: ObjectKind, inset_m: float, top_m: float) -> Iterator[Part]:
         yield replace(leg, look="frame")
 
 
-def _by_shares(kind: ObjectKind) -> Iterator[Part]:
-    (length_m, width_m, height_m), base_m = kind.size_m, kind.above_floor_m or 0.0
-    for (left, right), (front, back), (low, high), look in _SHARES[kind.shape]:
-        half_m = ((right - left) * length_m / 4, (back - front) * width_m / 4)
-        middle_m = ((right + left) * length_m / 4, (back + front) * width_m / 4)
-        part = block(half_m, base_m + low * height_m, base_m + high * height_m, middle_m)
+def _of_boxes(kind: ObjectKind) -> Iterator[Part]:
+    length, width, height = (side_m / 100 for side_m in kind.size_m)
+    base_m = kind.above_floor_m or 0.0
+    for (left, right), (front, back), (low, high), look in _BOXES[kind.shape]:
+        half_m = ((right - left) * length / 4, (back - front) * width / 4)
+        middle_m = ((right + left) * length / 4, (back + front) * width / 4)
+        part = block(half_m, base_m + low * height, base_m + high * height, middle_m)
         yield replace(part, look=look, roofed=(kind.shape, high) in _ROOFED)
     if kind.shape == "person":
-        radius_m = min(0.22 * length_m, 0.34 * width_m)
-        head = block((radius_m, radius_m), 0.86 * height_m, height_m)
+        radius_m = min(22 * length, 34 * width)
+        head = block((radius_m, radius_m), 86 * height, 100 * height)
         yield replace(head, look="frame", footprint=replace(head.footprint, round=True))
 
 
-# Boxes as shares: along x and y of the half sizes, along z of the height.
-_SHARES: Final[Mapping[str, tuple[tuple[Span, Span, Span, Look], ...]]] = {
+# Boxes in percent: along x and y of half the length and width, along z of the height.
+_BOXES: Final[Mapping[str, tuple[tuple[Span, Span, Span, Look], ...]]] = {
     "chair": (
-        ((-0.98, 0.98), (-0.98, 0.98), (0.46, 0.50), "surface"),
-        ((-0.98, 0.98), (0.86, 0.96), (0.62, 0.99), "surface"),
-        ((-1.00, -0.80), (-1.00, -0.80), (0.00, 0.46), "frame"),  # legs
-        ((0.80, 1.00), (-1.00, -0.80), (0.00, 0.46), "frame"),
-        ((-1.00, -0.80), (0.80, 1.00), (0.00, 1.00), "frame"),
-        ((0.80, 1.00), (0.80, 1.00), (0.00, 1.00), "frame"),
+        ((-98, 98), (-98, 98), (46, 50), "surface"),
+        ((-98, 98), (86, 96), (62, 99), "surface"),
+        ((-100, -80), (-100, -80), (0, 46), "frame"),  # legs
+        ((80, 100), (-100, -80), (0, 46), "frame"),
+        ((-100, -80), (80, 100), (0, 100), "frame"),
+        ((80, 100), (80, 100), (0, 100), "frame"),
     ),
     "shelf": (
-        ((-1.00, -0.94), (-1.00, 1.00), (0.00, 1.00), "surface"),  # sides
-        ((0.94, 1.00), (-1.00, 1.00), (0.00, 1.00), "surface"),
-        ((-0.94, 0.94), (0.90, 1.00), (0.00, 0.985), "frame"),
-        ((-0.94, 0.94), (-0.85, 0.90), (0.00, 0.035), "detail"),  # plinth
+        ((-100, -94), (-100, 100), (0, 100), "surface"),  # sides
+        ((94, 100), (-100, 100), (0, 100), "surface"),
+        ((-94, 94), (90, 100), (0, 98.5), "frame"),
+        ((-94, 94), (-85, 90), (0, 3.5), "detail"),  # plinth
     ),
     "cabinet": (
-        ((-0.96, 0.96), (-0.70, 1.00), (0.00, 0.07), "detail"),
-        ((-1.00, 1.00), (-0.88, 1.00), (0.07, 1.00), "surface"),
-        ((-0.012, 0.012), (-0.89, -0.88), (0.07, 0.97), "detail"),  # gap between its doors
-        ((-0.20, -0.15), (-1.00, -0.88), (0.55, 0.72), "detail"),  # handles
-        ((0.15, 0.20), (-1.00, -0.88), (0.55, 0.72), "detail"),
+        ((-96, 96), (-70, 100), (0, 7), "detail"),
+        ((-100, 100), (-88, 100), (7, 100), "surface"),
+        ((-1.2, 1.2), (-89, -88), (7, 97), "detail"),  # gap between its doors
+        ((-20, -15), (-100, -88), (55, 72), "detail"),  # handles
+        ((15, 20), (-100, -88), (55, 72), "detail"),
     ),
     "person": (
-        ((-0.58, 0.58), (-0.60, 0.60), (0.00, 0.48), "detail"),  # trousers
-        ((-0.72, 0.72), (-0.75, 0.75), (0.48, 0.82), "surface"),
-        ((-1.00, -0.74), (-0.45, 0.45), (0.48, 0.81), "surface"),  # arms and hands
-        ((0.74, 1.00), (-0.45, 0.45), (0.48, 0.81), "surface"),
-        ((-0.98, -0.76), (-0.40, 0.40), (0.42, 0.48), "frame"),
-        ((0.76, 0.98), (-0.40, 0.40), (0.42, 0.48), "frame"),
-        ((-0.24, 0.24), (-0.35, 0.35), (0.82, 0.86), "frame"),  # neck
+        ((-58, 58), (-60, 60), (0, 48), "detail"),  # trousers
+        ((-72, 72), (-75, 75), (48, 82), "surface"),
+        ((-100, -74), (-45, 45), (48, 81), "surface"),  # arms and hands
+        ((74, 100), (-45, 45), (48, 81), "surface"),
+        ((-98, -76), (-40, 40), (42, 48), "frame"),
+        ((76, 98), (-40, 40), (42, 48), "frame"),
+        ((-24, 24), (-35, 35), (82, 86), "frame"),  # neck
     ),
     "door": (
-        ((-0.87, 0.87), (0.20, 1.00), (0.00, 0.95), "surface"),
-        ((-1.00, -0.86), (-0.40, 1.00), (0.00, 1.00), "frame"),
-        ((0.86, 1.00), (-0.40, 1.00), (0.00, 1.00), "frame"),
-        ((-0.86, 0.86), (-0.40, 1.00), (0.94, 1.00), "frame"),
-        ((0.62, 0.80), (-1.00, 0.20), (0.495, 0.51), "detail"),  # handle
+        ((-87, 87), (20, 100), (0, 95), "surface"),
+        ((-100, -86), (-40, 100), (0, 100), "frame"),
+        ((86, 100), (-40, 100), (0, 100), "frame"),
+        ((-86, 86), (-40, 100), (94, 100), "frame"),
+        ((62, 80), (-100, 20), (49.5, 51), "detail"),  # handle
     ),
     "window": (
-        ((-0.92, 0.92), (0.40, 1.00), (0.05, 0.95), "surface"),
-        ((-1.00, 1.00), (-1.00, 1.00), (0.00, 0.03), "frame"),  # sill
-        ((-0.97, -0.90), (0.00, 1.00), (0.03, 1.00), "frame"),
-        ((0.90, 0.97), (0.00, 1.00), (0.03, 1.00), "frame"),
-        ((-0.90, 0.90), (0.00, 1.00), (0.03, 0.10), "frame"),
-        ((-0.90, 0.90), (0.00, 1.00), (0.94, 1.00), "frame"),
-        ((-0.03, 0.03), (0.10, 1.00), (0.10, 0.94), "frame"),
+        ((-92, 92), (40, 100), (5, 95), "surface"),
+        ((-100, 100), (-100, 100), (0, 3), "frame"),  # sill
+        ((-97, -90), (0, 100), (3, 100), "frame"),
+        ((90, 97), (0, 100), (3, 100), "frame"),
+        ((-90, 90), (0, 100), (3, 10), "frame"),
+        ((-90, 90), (0, 100), (94, 100), "frame"),
+        ((-3, 3), (10, 100), (10, 94), "frame"),
     ),
 }
-_ROOFED: Final = {("cabinet", 1.0), ("chair", 0.5)}  # and the heights of their upper faces
+_ROOFED: Final = {("cabinet", 100), ("chair", 50)}  # and the heights of their upper faces
