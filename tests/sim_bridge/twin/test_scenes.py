@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import ObjectSpec, object_names
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
@@ -234,6 +235,7 @@ def test_a_door_is_flat_on_its_wall(
     assert (door.pose.x_m, door.pose.y_m) == pytest.approx(pose[:2])
     assert math.cos(door.pose.yaw_rad - math.radians(pose[2])) == pytest.approx(1.0)
     assert (door.shape.class_id, scene.ground_plan.standing[0].class_id) == (0, 0)
+    assert build_model(scene, drawn=False).obstacle_geoms == ()
     (hall / "again.yaml").write_text(scene_text(scene), encoding="utf-8")
     assert load_scene(hall / "again.yaml") == scene
 
