@@ -175,7 +175,7 @@ def _add_room(builder: Builder, scene: Scene) -> None:
     if walls is not None:
         paints["wall"] = paint_of(walls.surface or Surface(colour="#d6d5d2"), folder)
         paints["floor"] = paint_of(walls.floor or Surface(colour="#80807e"), folder)
-    for name, slab in room_blocks(scene).items():
+    for name, slab in room_blocks(scene.room_size_m, scene.walls).items():
         _show_block(builder, f"{name}/seen", slab, paints[name.split("-")[0]], OUTSIDE)
         builder.hit(name, slab)
 

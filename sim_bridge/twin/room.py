@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from uav_bt.types import Pose2D
 from uav_bt.types.ground import Block, Footprint, Ground
 from uav_bt.types.pose import clamp, wrap_angle
 
-if TYPE_CHECKING:
-    from sim_bridge.twin.scene import Scene
-
 FLOOR_M: Final = -0.004  # height of the floor: the ground is 4 mm thick, its surface is z = 0
 _THICK_M: Final = 0.1
 _SLAB_M: Final = 0.2  # thickness of a polygon's contacts
@@ -32,11 +29,10 @@ _SIDE_RAD: Final = math.pi / 4 + 1e-9  # between a wall and its side of the room
 _SIDES: Final = {"north": math.pi / 2, "east": 0.0, "south": -math.pi / 2, "west": math.pi}
 
 
-def room_blocks(scene: Scene) -> dict[str, Block]:
-    """Return floor, ceiling and walls by their names in contacts."""
-    (wide_m, deep_m, high_m), half_m = scene.room_size_m, _THICK_M / 2
+def room_blocks(size_m: Vector3, walls: dict[str, Block]) -> dict[str, Block]:
+    """Return floor, ceiling and walls by their names in contacts; without walls four of them."""
+    (wide_m, deep_m, high_m), half_m = size_m, _THICK_M / 2
     top_m = FLOOR_M + high_m
-    walls = scene.walls
     beside_m = _THICK_M if walls else 0.0
     flat_m = (wide_m / 2 + beside_m, deep_m / 2 + beside_m)
     slabs: dict[str, Block] = {
