@@ -168,7 +168,7 @@ class ObjectKind:
     board_m: Annotated[float, Field(ge=0.005)] = 0.03
     """Thickness of boards and shelves."""
     post_m: Annotated[float, Field(ge=0.01)] = 0.05
-    """Width of legs, posts and frames."""
+    """Width of legs and posts."""
     shelves: Annotated[int, Field(ge=1, le=12)] = 4
     """Number of boards of a rack or shelf."""
     above_floor_m: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
