@@ -18,8 +18,9 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar, cast
 
@@ -108,7 +109,14 @@ class YamlFile(Generic[T]):
 
     def error(self, message: str, *steps: str | int) -> FileError:
         """Return an error about a value, given by keys and indices."""
-        return self._failure(self.path, _located(steps, message), self.line(*steps))
+        return self.errors([(steps, message)])
+
+    def errors(self, found: Iterable[tuple[Steps, str]]) -> FileError:
+        """Return one error about several values, in the order of their lines."""
+        lines = [(self.line(*steps), _located(steps, text)) for steps, text in found]
+        first, *others = sorted(dict.fromkeys(lines), key=itemgetter(0))
+        texts = [first[1], *(f"{self.path}:{line}: {text}" for line, text in others)]
+        return self._failure(self.path, "\n".join(texts), first[0])
 
     def _known(self, steps: Steps) -> Steps:
         """Return the existing steps, without missing keys and pydantic's names of branches."""
@@ -177,13 +185,11 @@ class YamlFile(Generic[T]):
         try:
             value: T = _adapter(cast("Any", form)).validate_json(text, context=context)[0]
         except ValidationError as error:
-            first, *others = self._problems(error, TypeAdapter(form).json_schema())
-            lines = [first[1], *(f"{self.path}:{line}: {text}" for line, text in others)]
-            raise self._failure(self.path, "\n".join(lines), first[0]) from error
+            raise self.errors(self._problems(error, TypeAdapter(form).json_schema())) from error
         return value
 
-    def _problems(self, error: ValidationError, schema: dict[str, Any]) -> list[tuple[int, str]]:
-        """Return lines and texts of all problems, in the order of the lines."""
+    def _problems(self, error: ValidationError, schema: dict[str, Any]) -> list[tuple[Steps, str]]:
+        """Return places and texts of all problems."""
         expected: dict[Steps, list[str]] = {}  # all branches of a union fail at one place
         found: list[tuple[Steps, str]] = []
         for item in error.errors(include_url=False):
@@ -209,9 +215,10 @@ class YamlFile(Generic[T]):
             # The branch that matched deepest has the most specific error.
             if not any(len(one) > len(steps) and one[: len(steps)] == steps for one in reached):
                 text = " or ".join(dict.fromkeys(words))
-                found.append((steps, f"expected {text}, got {self._found[steps][1]}"))
-        lines = [(self._found[steps][0], _located(steps, text)) for steps, text in found]
-        return sorted(dict.fromkeys(lines), key=lambda line: line[0])
+                got = self._found[steps][1]
+                hint = did_you_mean(got.strip("'"), re.findall(r"'([^']+)'", text))
+                found.append((steps, f"expected {text}, got {got}{hint}"))
+        return found
 
 
 def _expected(item: ErrorDetails, schema: dict[str, Any]) -> str:

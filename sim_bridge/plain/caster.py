@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain.rays import COLUMNS, cast_ground, cast_solids, cast_triangles, solid_row
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.room import wall_blocks
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.shapes import Shape
 from uav_bt.lab.classes import OUTSIDE
@@ -52,8 +51,8 @@ class Caster:
             solid_row(pad.drawn, scene.mark_class, scene.mark_top, pad.panel_share)
             for pad in scene.pads
         ]
-        rows += [solid_row(wall, OUTSIDE, OUTSIDE) for wall in wall_blocks(scene).values()]
-        self._standing = _bodies([(item.shape, item.spec.pose) for item in scene.placed], rows)
+        rows += [solid_row(wall, OUTSIDE, OUTSIDE) for wall in scene.walls.values()]
+        self._standing = _bodies([(item.shape, item.pose) for item in scene.placed], rows)
         self._movers = [scene.shape_of(mover) for mover in scene.movers]
 
     def cast(

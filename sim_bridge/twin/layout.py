@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -24,53 +24,70 @@ _ROUNDING_M: Final = 1e-9
 class LayoutError(ValueRangeError):
     """A scene is arranged impossibly; `place` is that of the faulty item in a scene file."""
 
+    others: Sequence[LayoutError] = ()  # further faults of the scene
+
     def __init__(self, message: str, *place: str | int) -> None:
         super().__init__(message)
         self.place = place
 
 
-def check_objects(ground: Ground, standing: Mapping[str, Standing]) -> None:
-    """Refuse an object or mark that leaves the ground or overlaps another one before it."""
+def refuse(faults: Iterable[LayoutError]) -> None:
+    """Raise the first fault, which has the others."""
+    found = list(faults)
+    if found:
+        found[0].others = found[1:]
+        raise found[0]
+
+
+def object_faults(
+    ground: Ground, standing: Mapping[str, Standing], names: Sequence[str], hanging: Collection[str]
+) -> Iterator[LayoutError]:
+    """Yield objects, of all with these names, that overlap one before them or leave the ground.
+
+    What hangs at a wall may be beside it.
+    """
     items = list(standing.items())
     for index, (name, item) in enumerate(items):
-        wrong = outside(ground, item.footprint)
+        wrong = None if name in hanging else outside(ground, item.footprint)
         for other_name, other in items[:index]:
             if wrong is None and overlaps(item, other):
                 wrong = f"overlaps {other_name}"
         if wrong is not None:
-            place = ("helipad",) if name == MARK_NAME else ("objects", index)
-            raise LayoutError(f"{name} {wrong}", *place)
+            place = ("helipad",) if name == MARK_NAME else ("objects", names.index(name))
+            yield LayoutError(f"{name} {wrong}", *place)
 
 
-def check_take_off(ground: Ground, standing: Mapping[str, Standing], take_off_m: Vector2) -> None:
-    """Refuse a take-off point off the ground or near an obstacle."""
+def take_off_faults(
+    ground: Ground, standing: Mapping[str, Standing], take_off_m: Vector2
+) -> Iterator[LayoutError]:
+    """Yield that a take-off point is off the ground or near an obstacle."""
     x_m, y_m = take_off_m
     if not ground.contains(x_m, y_m):
         size = f"of {ground.size_m[0]:g} x {ground.size_m[1]:g} m"
-        raise LayoutError(f"({x_m}, {y_m}) is outside the ground {size}", "take_off")
+        yield LayoutError(f"({x_m}, {y_m}) is outside the ground {size}", "take_off")
     for name, item in standing.items():
         if name != MARK_NAME and item.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
-            raise LayoutError(f"({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}", "take_off")
+            yield LayoutError(f"({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}", "take_off")
 
 
-def check_movers(
+def mover_faults(
     movers: Sequence[MoverSpec],
     ground: Ground,
     standing: Mapping[str, Standing],
     take_off_m: Vector2 | None,
-) -> None:
-    """Refuse a mover whose path leaves the ground or is not free."""
+) -> Iterator[LayoutError]:
+    """Yield movers whose path leaves the ground or is not free."""
     for index, mover in enumerate(movers):
         off = [corner for corner in mover.path_m if not ground.contains(*corner)]
-        wrong = f"leaves the ground at {_text(off[0])}" if off else None
+        wrong = f"leaves the ground at {place_text(off[0])}" if off else None
         for name, item in standing.items():
             leg = leg_through(mover, item.footprint)
             if wrong is None and leg is not None:
-                wrong = f"leads through {name} from {_text(leg[0])} to {_text(leg[1])}"
+                wrong = f"leads through {name} from {place_text(leg[0])} to {place_text(leg[1])}"
         if wrong is None and take_off_m and mover.distance_m(*take_off_m) < KEPT_FREE_M:
-            wrong = f"comes within {KEPT_FREE_M} m of the take-off place {_text(take_off_m)}"
+            wrong = f"comes within {KEPT_FREE_M} m of the take-off place {place_text(take_off_m)}"
         if wrong is not None:
-            raise LayoutError(f"mover-{index + 1}: its path {wrong}", "movers", index)
+            yield LayoutError(f"mover-{index + 1}: its path {wrong}", "movers", index)
 
 
 def leg_through(mover: MoverSpec, footprint: Footprint) -> tuple[Vector2, Vector2] | None:
@@ -82,8 +99,9 @@ def leg_through(mover: MoverSpec, footprint: Footprint) -> tuple[Vector2, Vector
     return None
 
 
-def _text(place: Vector2) -> str:
-    return f"[{place[0]:g}, {place[1]:g}]"
+def place_text(place_m: Vector2) -> str:
+    """Return a place as scene files have it."""
+    return "[{:g}, {:g}]".format(*(round(value, 2) + 0.0 for value in place_m))
 
 
 def overlaps(one: Standing, other: Standing) -> bool:

@@ -10,17 +10,18 @@ from typing import Any, Final
 
 from sim_bridge.twin import textures
 from sim_bridge.twin.builder import Builder, LabModel
+from sim_bridge.twin.furniture import block
 from sim_bridge.twin.gl import mujoco
 from sim_bridge.twin.meshes import Mesh, block_mesh, prism_mesh, triangle_mesh
 from sim_bridge.twin.movers import mover_names
 from sim_bridge.twin.objects import MAT_M, Helipad
 from sim_bridge.twin.room import FLOOR_M, ground_slabs, room_blocks
 from sim_bridge.twin.scene import Lighting, Scene
-from sim_bridge.twin.shapes import ORIGIN, Shape, Vector2, block
+from sim_bridge.twin.shapes import ORIGIN, Shape, Vector2
 from sim_bridge.twin.surfaces import Paint, paint_of
 from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.obj_file import pieces
-from uav_bt.lab.room import Surface
+from uav_bt.lab.surface import Surface
 from uav_bt.plugins import make_mark_finder
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
@@ -28,6 +29,7 @@ from uav_bt.types.ground import Block
 
 _SHEET_M: Final = 0.001  # thickness of an upper face with another class or look
 _PAINT_M: Final = 0.0001  # height of the H above the pad, enough to be drawn over it
+_DETAIL: Final = Surface(colour="#33363b")  # handles, gaps, trousers
 _CONE_DEG: Final = 85.0  # half the opening of a lamp
 _STRIPES: Final = Paint(
     name="stripes", make=partial(textures.paper, "stripes"), tile_m=(textures.STRIPES_M,) * 2
@@ -45,7 +47,7 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
     # Geoms are drawn in this order. Things in front come first, because a software renderer
     # textures every pixel that no nearer surface covers yet.
     for item in scene.placed:
-        _add_shape(builder, scene, item.name, item.shape, item.spec.pose)
+        _add_shape(builder, scene, item.name, item.shape, item.pose)
     names = mover_names(scene.movers)
     for name, mover in zip(names, scene.movers, strict=True):
         x_m, y_m = mover.path_m[0]  # a mocap body of MuJoCo, with its origin on the ground
@@ -56,7 +58,7 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
         _add_helipad(builder, scene, scene.helipad)
     _add_ground(builder, scene)
     _add_room(builder, scene)
-    return builder.done({*names, *(item.name for item in scene.placed)})
+    return builder.done({*names, *(item.name for item in scene.placed if item.shape.class_id)})
 
 
 def _add_lights(builder: Builder, lighting: Lighting) -> None:
@@ -118,18 +120,18 @@ def _looks(shape: Shape) -> dict[str, tuple[Surface, int, list[Block]]]:
     looks = {"surface": (kind.surface, shape.class_id, [])}
     if shape.mesh is not None:
         return looks
-    if kind.frame is not None:
-        looks["frame"] = (kind.frame, shape.class_id, [])
+    looks["frame"] = (kind.frame or kind.surface, shape.class_id, [])
+    looks["detail"] = (_DETAIL, shape.class_id, [])
     if has_sheet:
         looks["top"] = (kind.top or kind.surface, shape.top_class, [])
     for part in shape.parts:
-        look = "frame" if part.frame and kind.frame is not None else "surface"
+        look = "surface" if part.look == "frame" and kind.frame is None else part.look
         below_m = part.top_m
         if part.roofed and has_sheet:
             below_m -= _SHEET_M
             looks["top"][2].append(replace(part, base_m=below_m))
         looks[look][2].append(replace(part, top_m=below_m))
-    return looks
+    return {name: look for name, look in looks.items() if look[2]}
 
 
 def _add_helipad(builder: Builder, scene: Scene, pad: Helipad) -> None:
@@ -175,7 +177,7 @@ def _add_room(builder: Builder, scene: Scene) -> None:
     if walls is not None:
         paints["wall"] = paint_of(walls.surface or Surface(colour="#d6d5d2"), folder)
         paints["floor"] = paint_of(walls.floor or Surface(colour="#80807e"), folder)
-    for name, slab in room_blocks(scene).items():
+    for name, slab in room_blocks(scene.room_size_m, scene.walls).items():
         _show_block(builder, f"{name}/seen", slab, paints[name.split("-")[0]], OUTSIDE)
         builder.hit(name, slab)
 

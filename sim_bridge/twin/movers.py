@@ -18,7 +18,7 @@ from pydantic import Field
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.shapes import Vector2
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.room import SIDE_PAPERS
+from uav_bt.lab.surface import SIDE_PAPERS
 from uav_bt.types import MoverState, Pose
 from uav_bt.types.ground import Footprint
 

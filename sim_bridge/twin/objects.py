@@ -7,11 +7,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from sim_bridge.twin.shapes import PRINTED, Shape, Vector2, Vector3, block
+from sim_bridge.twin.furniture import block
+from sim_bridge.twin.shapes import PRINTED, Shape, Vector2, Vector3
+from uav_bt.errors import ValueRangeError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_mark_finder
 from uav_bt.types import LandingMark, Pose2D
@@ -28,19 +30,22 @@ class ObjectSpec:
     """An object that stands on the ground."""
 
     kind: str  # of the lab; `box-1` to `box-8` are boxes in printed paper
-    position_m: Vector2  # centre on the ground, world x and y
+    position_m: Vector2 | None = None  # centre on the ground, or place on a wall, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
+    wall: Literal["north", "east", "south", "west"] | int | None = None  # its back is at this wall
+    along_m: float = 0.0  # from the middle of that wall, to the right or up in the drawing
     size_m: tuple[_Side, _Side, _Side] | None = None  # in place of that of its kind
+
+    def __post_init__(self) -> None:
+        if (self.position_m is None) == (self.wall is None):
+            raise ValueRangeError("an object needs either position_m or wall, and not both")
+        if self.along_m and self.wall is None:
+            raise ValueRangeError("along_m counts along a wall: add 'wall'")
 
     @property
     def is_printed(self) -> bool:
         """Whether it is a box in printed paper."""
         return self.kind.startswith(PRINTED)
-
-    @property
-    def pose(self) -> Pose2D:
-        """Where it stands."""
-        return _pose(self.position_m, self.yaw_deg)
 
 
 def _pose(position_m: Vector2, yaw_deg: float) -> Pose2D:
@@ -54,11 +59,17 @@ class PlacedObject:
     name: str
     spec: ObjectSpec
     shape: Shape
+    at_wall: Pose2D | None = None  # of what belongs to a wall
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where it stands."""
+        return self.at_wall or _pose(self.spec.position_m or (0.0, 0.0), self.spec.yaw_deg)
 
     @cached_property
     def standing(self) -> Standing:
         """The object on the ground."""
-        return self.shape.standing(self.spec.pose)
+        return self.shape.standing(self.pose)
 
     @property
     def footprint(self) -> Footprint:

@@ -13,19 +13,21 @@ from pydantic import Field
 from sim_bridge.twin.layout import (
     MARK_NAME,
     LayoutError,
-    check_movers,
-    check_objects,
-    check_take_off,
+    mover_faults,
+    object_faults,
+    refuse,
+    take_off_faults,
 )
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.objects import Helipad, ObjectSpec, PlacedObject, object_names
+from sim_bridge.twin.room import at_wall, wall_blocks
 from sim_bridge.twin.shapes import PRINTED, SceneLab, Shape, Vector2, Vector3, lab_of_scene
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import MARK, LabClasses
-from uav_bt.lab.room import MAX_LAMPS, Lamp, RoomSection
+from uav_bt.lab.room import MAX_LAMPS, ON_WALL, ROUND, Lamp, RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.types import LandingMark, MoverState, Pose2D
-from uav_bt.types.ground import Ground, Standing
+from uav_bt.types.ground import Block, Ground, Standing
 
 CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size of a room without walls in its lab file
@@ -74,26 +76,30 @@ class Scene:
 
     def __post_init__(self) -> None:
         place, known = self.take_off.position_m, list[MoverSpec]()
+        faults = [each for each in self._tried if isinstance(each, LayoutError)]
         for index, mover in enumerate(self.movers):
             try:
                 known.append(self.of_its_kind(mover))
             except InputError as error:
-                raise LayoutError(str(error), "movers", index) from error
+                known.append(mover)
+                faults.append(LayoutError(str(error), "movers", index))
         object.__setattr__(self, "movers", tuple(known))
-        check_objects(self.ground, self.standing)
+        hanging = {item.name for item in self.placed if item.shape.kind.shape in ON_WALL}
+        faults += object_faults(self.ground, self.standing, object_names(self.objects), hanging)
         if self.helipad is None and place is None and not self.take_off.random:
-            raise LayoutError(
+            message = (
                 f"scene '{self.name}' has no landing mark to take off from: give take_off a place, "
-                "such as {from: [-1.5, -1.0]}, or {from: random}",
-                "take_off",
+                "such as {from: [-1.5, -1.0]}, or {from: random}"
             )
+            faults.append(LayoutError(message, "take_off"))
         if place is not None:
-            check_take_off(self.ground, self.standing, place)
-        self.check_movers(self.movers)
+            faults += take_off_faults(self.ground, self.standing, place)
+        faults += mover_faults(self.movers, self.ground, self.standing, place)
+        refuse(faults)
 
     def check_movers(self, movers: Sequence[MoverSpec]) -> None:
         """Refuse movers whose paths are not free in this scene."""
-        check_movers(movers, self.ground, self.standing, self.take_off.position_m)
+        refuse(mover_faults(movers, self.ground, self.standing, self.take_off.position_m))
 
     @cached_property
     def place(self) -> SceneLab:
@@ -115,6 +121,20 @@ class Scene:
         return Ground(
             size_m=section.extent_m, outline_m=_counter_clockwise(section.outline_m or ())
         )
+
+    @cached_property
+    def wall_corners_m(self) -> tuple[Vector2, ...]:
+        """The corners of the walls that the lab states, counter-clockwise; none without."""
+        walls = self.room.walls
+        if walls is None:
+            return ()
+        beside = walls.beside_m > 0.0
+        return (Ground(size_m=self.room_size_m[:2]) if beside else self.ground).corners_m
+
+    @cached_property
+    def walls(self) -> dict[str, Block]:
+        """The walls that the lab states, by their names in contacts."""
+        return wall_blocks(self.wall_corners_m, self.room_size_m[2])
 
     @property
     def room_size_m(self) -> Vector3:
@@ -158,21 +178,30 @@ class Scene:
         if mover.size_m not in (MoverSpec.size_m, kind.size_m):
             expected = f"that of its kind, {list(kind.size_m)}"
             raise InputError(f"the size of a '{mover.kind}' is {expected}: remove size_m")
-        is_round = kind.shape == "cylinder"
+        if kind.shape in ON_WALL:
+            raise InputError(f"a {kind.shape} does not move: choose another kind")
+        is_round = kind.shape in ROUND
         return replace(mover, size_m=kind.size_m, shape="cylinder" if is_round else "box")
 
     @cached_property
     def placed(self) -> tuple[PlacedObject, ...]:
-        """The objects with their names and shapes."""
-        placed = []
-        for index, (spec, name) in enumerate(
-            zip(self.objects, object_names(self.objects), strict=True)
-        ):
+        """The objects with their names, shapes and poses."""
+        return tuple(each for each in self._tried if isinstance(each, PlacedObject))
+
+    @cached_property
+    def _tried(self) -> list[PlacedObject | LayoutError]:
+        """The objects, and the reasons why the others cannot be placed."""
+        tried: list[PlacedObject | LayoutError] = []
+        names = object_names(self.objects)
+        for index, (name, spec) in enumerate(zip(names, self.objects, strict=True)):
             try:
-                placed.append(PlacedObject(name=name, spec=spec, shape=self.shape_of(spec)))
+                shape, pose = self.shape_of(spec), None
+                if spec.wall is not None or shape.kind.shape in ON_WALL:
+                    pose = at_wall(spec, shape.kind.size_m, self.wall_corners_m)
+                tried.append(PlacedObject(name=name, spec=spec, shape=shape, at_wall=pose))
             except InputError as error:
-                raise LayoutError(str(error), "objects", index) from error
-        return tuple(placed)
+                tried.append(LayoutError(str(error), "objects", index))
+        return tried
 
     @cached_property
     def standing(self) -> dict[str, Standing]:

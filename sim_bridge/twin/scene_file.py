@@ -17,9 +17,10 @@ from sim_bridge.twin.scene import Lighting, Scene, TakeOffSpec
 from sim_bridge.twin.shapes import PRINTED, Vector2, lab_of_scene
 from uav_bt.errors import InputError, SceneError, UnknownNameError, ValueRangeError
 from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, SCENES_FOLDER, Lab
-from uav_bt.lab.room import SIDE_PAPERS, RoomSection
+from uav_bt.lab.room import RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, shipped_labs
-from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
+from uav_bt.lab.surface import SIDE_PAPERS
+from uav_bt.yaml_file import Steps, YamlFile, read_yaml, yaml_text
 
 MAX_OBJECTS: Final = 200
 
@@ -92,11 +93,13 @@ def load_scene(name_or_path: str | Path) -> Scene:
             lab=lab,
         )
     except LayoutError as error:
-        place, boxes = error.place, len(found.boxes)
-        if place[0] == "objects":
-            index = int(place[1])
-            place = ("boxes", index) if index < boxes else ("objects", index - boxes)
-        raise file.error(str(error), *place) from error
+        items: list[Steps] = [
+            (key, n) for key in ("boxes", "objects") for n in range(len(getattr(found, key)))
+        ]
+        raise file.errors(
+            (items[int(one.place[1])] if one.place[0] == "objects" else one.place, str(one))
+            for one in (error, *error.others)
+        ) from error
 
 
 def _lab_of(file: YamlFile[_SceneFile]) -> str:

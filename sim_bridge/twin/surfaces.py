@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,7 @@ from sim_bridge.twin import textures
 from sim_bridge.twin.textures import clouds, to_bytes
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded
-from uav_bt.lab.room import MAX_BYTES, Surface
+from uav_bt.lab.surface import MAX_BYTES, Surface
 from uav_bt.types.area import Point
 from uav_bt.types.arrays import Image
 
@@ -45,8 +45,11 @@ def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Pa
     Carpet, concrete, lines, and a picture without `tile_m` cover a whole ground once.
     """
     name = f"{_seed(surface):08x}"
-    once = surface.lines or surface.generator in ("carpet", "concrete")
-    if whole_m is not None and (once or (surface.image is not None and surface.tile_m is None)):
+    if surface.image is None and surface.generator is None:
+        name = f"plain-{name}"  # not that of paint
+    once = surface.generator in ("carpet", "concrete")
+    once |= surface.generator is None and surface.tile_m is None
+    if whole_m is not None and (once or surface.lines):
         whole = partial(_ground, surface, folder, whole_m)
         return Paint(name=f"{name}-ground", make=whole, tile_m=whole_m)
     make, tile_m = _tile_of(surface, folder)
@@ -54,6 +57,8 @@ def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Pa
 
 
 def _seed(surface: Surface) -> int:
+    if surface.generator == "paint":  # the seed of a time when it was the usual generator
+        surface = replace(surface, generator=None)
     return zlib.crc32(repr(surface).encode())
 
 
@@ -62,9 +67,12 @@ def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point
     colour, seed = surface.colour, _seed(surface)
     if surface.image is not None:
         return partial(_picture, folder / surface.image), surface.tile_m or _TILE_M
+    make: Callable[[], Image]
     match surface.generator:
-        case None | "paint":
-            return partial(_plain, colour or _GREY, seed), _TILE_M
+        case None:
+            make = partial(np.full, (16, 16, 3), _rgb(colour or _GREY), np.uint8)
+        case "paint":
+            make = partial(_paint, colour or _GREY, seed)
         case "carpet":
             return partial(textures.carpet, _LARGE_TILE_M), _LARGE_TILE_M
         case "concrete":
@@ -73,12 +81,15 @@ def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point
             return partial(_wood, colour or _BROWN, seed), _WOOD_TILE_M
         case paper:
             return partial(textures.paper, paper), (textures.PAPER_TILE_M, textures.PAPER_TILE_M)
+    return make, _TILE_M
 
 
 def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
     """Return the picture of a whole ground."""
     if surface.generator == "carpet":
         image = textures.carpet(whole_m)
+    elif surface.generator is None and surface.image is None:
+        image = _carpet(whole_m, surface.colour or _GREY, _seed(surface))
     elif surface.generator == "concrete":
         image = _concrete(whole_m, surface.colour or _GREY, _seed(surface))
     else:
@@ -116,7 +127,18 @@ def _laid(tile: Image, tile_m: Point, whole_m: Point) -> Image:
     return np.asarray(tile[np.ix_(down.astype(int), right.astype(int))], np.uint8)
 
 
-def _plain(colour: str, seed: int) -> Image:
+def _carpet(size_m: Point, colour: str, seed: int) -> Image:
+    """Return a carpet of one colour: short pile, whose threads differ in light."""
+    rng = np.random.default_rng(seed)
+    width, height = _pixels(size_m)
+    light = 1.0 + rng.normal(0.0, 0.05, (height, width)).astype(np.float32)
+    for cells_a_metre, weight in ((4.0, 0.02), (30.0, 0.04), (80.0, 0.06)):
+        columns, rows = (max(2, round(cells_a_metre * side)) for side in size_m)
+        light += weight * clouds(rng, (rows, columns), (width, height))
+    return to_bytes(light[..., None] * _rgb(colour))
+
+
+def _paint(colour: str, seed: int) -> Image:
     """Return paint with faint shading, 256 pixels square; its edges fit together."""
     rng = np.random.default_rng(seed)
     light = 1.0 + 0.03 * _mirrored(clouds(rng, (4, 4), (128, 128)))

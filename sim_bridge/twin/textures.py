@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.lab.room import ROOF_PAPERS, SIDE_PAPERS
+from uav_bt.lab.surface import ROOF_PAPERS, SIDE_PAPERS
 from uav_bt.types.arrays import Image
 
 Colour = tuple[float, float, float]  # hue in degrees, saturation and value, 0 to 1

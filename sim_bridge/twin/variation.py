@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -71,23 +72,26 @@ def _varied_light(lighting: Lighting, rng: np.random.Generator) -> Lighting:
 
 def _moved(scene: Scene, rng: np.random.Generator) -> tuple[ObjectSpec, ...]:
     """Return the objects of a scene at random places, as far apart as drone and paths need."""
-    placed: list[PlacedObject] = []
-    names, narrower = object_names(scene.objects), 1.0
+    fixed = {item.name: item for item in scene.placed if item.at_wall is not None}
+    placed = dict(fixed)
+    wanted = dict(zip(object_names(scene.objects), scene.objects, strict=True))
+    narrower = 1.0
     for number in range(1, _TRIES + 1):
-        if len(placed) == len(names):
+        if len(placed) == len(wanted):
             break
         if number % _NARROWED_EVERY == 0:
             narrower *= _NARROWER
-            placed.clear()
-        spec = _drawn(scene, scene.objects[len(placed)], rng)
-        item = PlacedObject(name=names[len(placed)], spec=spec, shape=scene.shape_of(spec))
-        if _fits(scene, item, placed, narrower):
-            placed.append(item)
+            placed = dict(fixed)
+        name = next(each for each in wanted if each not in placed)
+        spec = _drawn(scene, wanted[name], rng)
+        item = PlacedObject(name=name, spec=spec, shape=scene.shape_of(spec))
+        if _fits(scene, item, placed.values(), narrower):
+            placed[name] = item
         elif rng.random() < 0.01:  # restart: the first objects may leave no space for the rest
-            placed.clear()
-    if len(placed) < len(names):
-        raise ValueRangeError(f"no room for {len(names)} objects in scene '{scene.name}'")
-    return tuple(item.spec for item in placed)
+            placed = dict(fixed)
+    if len(placed) < len(wanted):
+        raise ValueRangeError(f"no room for {len(wanted)} objects in scene '{scene.name}'")
+    return tuple(placed[name].spec for name in wanted)
 
 
 def _drawn(scene: Scene, spec: ObjectSpec, rng: np.random.Generator) -> ObjectSpec:
@@ -108,10 +112,12 @@ def _drawn(scene: Scene, spec: ObjectSpec, rng: np.random.Generator) -> ObjectSp
     return replace(spec, size_m=(*sides_m, _rounded(rng, *heights)))
 
 
-def _fits(scene: Scene, item: PlacedObject, placed: list[PlacedObject], narrower: float) -> bool:
-    printed, at_m = item.spec.is_printed, item.spec.position_m
+def _fits(
+    scene: Scene, item: PlacedObject, placed: Iterable[PlacedObject], narrower: float
+) -> bool:
+    printed, at_m = item.spec.is_printed, _place_m(item)
     apart_m = narrower * (_BOXES_APART_M if printed else _APART_M) + _reach_m(item)
-    if any(math.dist(at_m, other.spec.position_m) < apart_m + _reach_m(other) for other in placed):
+    if any(math.dist(at_m, _place_m(other)) < apart_m + _reach_m(other) for other in placed):
         return False
     from_pad_m = (_BOX_FROM_PAD_M if printed else _FROM_PAD_M) + _reach_m(item)
     if min(math.dist(at_m, place_m) for place_m in _kept_free_m(scene)) < from_pad_m:
@@ -120,6 +126,10 @@ def _fits(scene: Scene, item: PlacedObject, placed: list[PlacedObject], narrower
         return False
     paths_free = all(leg_through(mover, item.footprint) is None for mover in scene.movers)
     return paths_free and outside(scene.ground, item.footprint) is None
+
+
+def _place_m(item: PlacedObject) -> tuple[float, float]:
+    return item.pose.x_m, item.pose.y_m
 
 
 def _reach_m(item: PlacedObject) -> float:

@@ -38,8 +38,8 @@ from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import PLAN_FILE, read_flights, read_plan
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import read_obj
-from uav_bt.lab.room import check_picture
 from uav_bt.lab.shipped import load_lab
+from uav_bt.lab.surface import check_picture
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader

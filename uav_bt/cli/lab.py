@@ -32,7 +32,7 @@ from uav_bt.cli.shared import Positive, print_or_write, table
 from uav_bt.display.lab_map import MapItem, MapPlace, draw_lab_with_axes
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, write_whole
-from uav_bt.lab.lab import Lab
+from uav_bt.lab.lab import SCENES_FOLDER, Lab
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import load_lab, write_lab
 from uav_bt.option import Option
@@ -42,17 +42,25 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 
 
 @command()
-def new(name: str, *, folder: Annotated[Path, Option(form="--in DIR")] = Path("labs")) -> None:
+def new(
+    name: str,
+    *,
+    simulated: bool = False,
+    folder: Annotated[Path, Option(form="--in DIR")] = Path("labs"),
+) -> None:
     """Write a commented lab file for a place of yours.
 
     NAME is the place, such as hall: its folder is labs/hall, and --lab hall finds it. A folder that
     exists is not changed.
 
     Options:
+        simulated: Describe a furnished room, and write a scene in it, to fly in the simulation.
         folder: Folder of your labs; it is made if it is absent.
     """
-    path = write_lab(name, folder)
-    click.echo(f"written: {path} (edit it, then try: uav-bt check land_only --lab {path.parent})")
+    path = write_lab(name, folder, simulated=simulated)
+    call = "fly survey_and_land --drone plain" if simulated else "check land_only"
+    beside = f" and {SCENES_FOLDER}/{name}-a.yaml beside it" if simulated else ""
+    click.echo(f"written: {path}{beside} (edit, then try: uav-bt {call} --lab {path.parent})")
 
 
 @command()

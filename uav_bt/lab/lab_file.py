@@ -13,7 +13,8 @@ from pydantic.json_schema import GenerateJsonSchema
 from uav_bt.lab.classes import Colour, LabClass, LabClasses, RoleName
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.room import ColourText, RoomSection, check_name, read_room
+from uav_bt.lab.room import RoomSection, check_name, read_room
+from uav_bt.lab.surface import ColourText
 from uav_bt.types.place_frames import area_problem
 from uav_bt.types.sizes import Clearances
 from uav_bt.yaml_file import YamlFile, read_yaml

@@ -10,30 +10,28 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.files import read_bounded
-from uav_bt.lab.classes import LabClasses
+from uav_bt.errors import ValueRangeError
+from uav_bt.lab.classes import OUTSIDE, LabClasses
 from uav_bt.lab.obj_file import read_obj
+from uav_bt.lab.surface import MAX_CORNERS, Surface, Vector2, check_picture
 from uav_bt.types.area import Area
 from uav_bt.yaml_file import Steps, YamlFile
 
-Vector2 = tuple[float, float]
-ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
-
 GROUND_SIDES_M: Final = (2.0, 40.0)
-MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
-ON_LEGS: Final = "table", "rack"  # shapes
-SidePaper = Literal["dots", "leaves", "waves", "zigzag", "stars", "triangles", "checks", "confetti"]
-RoofPaper = Literal["rings", "bars", "crosses", "spots", "diamonds"]
-SIDE_PAPERS: Final[tuple[SidePaper, ...]] = get_args(SidePaper)
-ROOF_PAPERS: Final[tuple[RoofPaper, ...]] = get_args(RoofPaper)
+_Solid = Literal["box", "cylinder", "mesh", "table", "round_table", "rack"]
+_Furniture = Literal["chair", "shelf", "cabinet", "person", "door", "window"]
+ShapeName = Literal[_Solid, _Furniture]
+ROUND: Final = "cylinder", "round_table"
+ON_POSTS: Final = "table", "round_table", "rack"  # of a stated width
+ON_LEGS: Final = (*ON_POSTS, "chair")
+ON_WALL: Final = "door", "window"
 # Names in contacts and messages that kinds of objects cannot have.
 _TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
 
@@ -53,50 +51,6 @@ def _check_kind(value: str) -> str:
 
 _KindName = Annotated[str, AfterValidator(_check_kind)]
 _Side = Annotated[float, Field(ge=0.02, le=10.0)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PaintedLine:
-    """A painted line on the ground."""
-
-    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
-    """Its corners, world x and y."""
-    width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
-    """Its width."""
-    colour: ColourText = "#d9b526"
-    """Its colour."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Surface:
-    """How a surface looks: a picture, or a generator with a colour."""
-
-    generator: Literal["paint", "concrete", "wood", "carpet"] | SidePaper | RoofPaper | None = None
-    """`paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's, and the
-    others are its printed papers.
-    """
-    colour: ColourText | None = None
-    """Colour of the generator; `paint` needs one."""
-    image: str | None = None
-    """Name of a PNG or JPEG file in the lab's folder, in place of a generator."""
-    tile_m: tuple[Annotated[float, Field(ge=0.02)], Annotated[float, Field(ge=0.02)]] | None = None
-    """Width and height of one repetition of the picture; by default 1 m each way, and the whole
-    ground.
-    """
-    lines: Annotated[tuple[PaintedLine, ...], Field(max_length=200)] = ()
-    """Painted lines; only on the ground."""
-
-    def __post_init__(self) -> None:
-        if self.image is not None and (self.generator is not None or self.colour is not None):
-            raise ValueRangeError("a surface has an image, or a generator with a colour, not both")
-        if self.image is None and self.tile_m is not None:
-            raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
-        if self.image is None and self.generator in (None, "paint") and self.colour is None:
-            raise ValueRangeError('a painted surface needs a colour, as "#b0b4b8", or an image')
-        if self.colour and self.generator not in (None, "paint", "concrete", "wood"):
-            raise ValueRangeError(f"'{self.generator}' has its own colours: remove 'colour'")
-
-
 _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_CORNERS)]
 
 
@@ -108,8 +62,8 @@ class GroundSection:
     """Sides of the rectangle along x and y."""
     outline_m: _Outline | None = None
     """Corners of the polygon in order, in place of `size_m`."""
-    surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
-    """Its look; by default the paper's carpet."""
+    surface: Surface = field(default_factory=lambda: Surface(colour="#8d949c"))
+    """Its look; by default a grey carpet."""
 
     def __post_init__(self) -> None:
         if (self.size_m is None) == (self.outline_m is None):
@@ -168,56 +122,99 @@ class LightSection:
     """Lamps at the ceiling."""
 
 
+_UNSTATED, _WOOD = Surface(generator="wood"), Surface(generator="wood")
+_NO_SIZE: Final = (0.0, 0.0, 0.0)
+_USUAL: Final[dict[str, dict[str, Any]]] = {
+    shape: {
+        "size_m": size_m,
+        "surface": Surface(colour=colour) if colour else _WOOD,
+        "frame": Surface(colour=frame) if frame else None,
+        "above_floor_m": 0.9 if shape == "window" else None,
+    }
+    for shape, size_m, colour, frame in (
+        ("table", (1.4, 0.7, 0.74), None, "#4a4f54"),
+        ("round_table", (1.0, 1.0, 0.74), "#ece9e2", "#4a4f54"),
+        ("rack", (1.2, 0.4, 2.0), None, "#4a4f54"),
+        ("chair", (0.46, 0.5, 0.9), "#35586f", "#2f3134"),
+        ("shelf", (0.9, 0.32, 1.8), None, "#7d5f3a"),
+        ("cabinet", (0.8, 0.42, 1.1), "#d5d8da", None),
+        ("door", (0.95, 0.05, 2.05), "#8a5a34", "#efece4"),
+        ("window", (1.3, 0.06, 1.2), "#9fd0f0", "#fafaf8"),
+        ("person", (0.5, 0.3, 1.75), "#2d6cb5", "#d9a583"),
+    )
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObjectKind:
     """A kind of object that scenes place."""
 
-    class_name: Annotated[str, Field(alias="class")]
-    """Class of its surfaces; the key is `class`. The upper face has the class's top."""
-    shape: Literal["box", "cylinder", "table", "rack", "mesh"]
-    """`box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four posts), or
-    `mesh`.
+    class_name: Annotated[str, Field(alias="class")] = ""
+    """Class of its surfaces; the key is `class`. The upper face has the class's top. Only a door
+    and a window need none: they have the class of the walls.
     """
-    size_m: tuple[_Side, _Side, _Side]
-    """Length, width and height; a cylinder is as wide as long."""
-    surface: Surface
-    """Look of the whole, or of boards and shelves."""
+    shape: ShapeName
+    """`table`, `round_table` and `chair` stand on four legs; a `rack` has shelves between posts, a
+    `shelf` a back and sides. `door` and `window` are flat on a wall.
+    """
+    size_m: tuple[_Side, _Side, _Side] = field(default_factory=lambda: _NO_SIZE)
+    """Length, width and height; furniture has a usual size. A cylinder is as wide as long."""
+    surface: Surface = field(default_factory=lambda: _UNSTATED)
+    """Look of the whole, or of boards and shelves; furniture has a usual one."""
     top: Surface | None = None
     """Look of the upper face, if it differs."""
     frame: Surface | None = None
-    """Look of legs and posts, if it differs."""
+    """Look of legs, posts, frames, the back of a shelf, and a person's skin, if it differs."""
     board_m: Annotated[float, Field(ge=0.005)] = 0.03
     """Thickness of boards and shelves."""
     post_m: Annotated[float, Field(ge=0.01)] = 0.05
     """Width of legs and posts."""
     shelves: Annotated[int, Field(ge=1, le=12)] = 4
-    """Number of shelves of a rack."""
+    """Number of boards of a rack or shelf."""
+    above_floor_m: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
+    """Height of the lower edge of a door or window; by default 0 and 0.9 m."""
     file: str | None = None
     """Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`."""
     moves: bool = False
     """Whether `--movers` may draw movers of this kind."""
 
     def __post_init__(self) -> None:
-        if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
+        self._fill_in()
+        if self.shape in ROUND and self.size_m[0] != self.size_m[1]:
             expected = "size_m must begin with two equal numbers"
             got = list(self.size_m)
-            raise ValueRangeError(f"a cylinder is as wide as it is long: {expected}, got {got}")
+            raise ValueRangeError(f"a {self.shape} is as wide as it is long: {expected}, got {got}")
         if (self.file is None) == (self.shape == "mesh"):
             raise ValueRangeError("a mesh needs 'file', an OBJ file; other shapes have none")
-        if self.shape == "mesh" and self.top is not None:
-            raise ValueRangeError("a mesh has one surface: remove 'top'")
-        if self.frame is not None and self.shape not in ON_LEGS:
-            raise ValueRangeError(f"a {self.shape} has no legs or posts: remove 'frame'")
+        if self.top is not None and self.shape in (*ON_WALL, "mesh", "person"):
+            raise ValueRangeError(f"a {self.shape} has no upper face of its own: remove 'top'")
+        if self.frame is not None and self.shape in ("box", "cylinder", "cabinet", "mesh"):
+            raise ValueRangeError(f"a {self.shape} has no legs, posts or frame: remove 'frame'")
         if any(each is not None and each.lines for each in (self.surface, self.top, self.frame)):
             raise ValueRangeError("only the ground has painted lines")
-        if self.shape not in ON_LEGS:
-            return
-        if self.post_m > min(self.size_m[:2]) / 3:
+        if self.shape in ON_WALL and self.moves:
+            raise ValueRangeError(f"a {self.shape} does not move: remove 'moves'")
+        if self.above_floor_m is not None and self.shape not in ON_WALL:
+            raise ValueRangeError(f"a {self.shape} stands on the floor: remove 'above_floor_m'")
+        if self.shape in ON_POSTS and self.post_m > min(self.size_m[:2]) / 3:
             raise ValueRangeError(f"post_m: at most a third of the width, got {self.post_m:g}")
-        boards = self.shelves if self.shape == "rack" else 1
-        if self.board_m > self.size_m[2] / (2 * boards):
+        boards = self.shelves if self.shape in ("rack", "shelf") else 1
+        if self.shape in (*ON_POSTS, "shelf") and self.board_m > self.size_m[2] / (2 * boards):
             most = "half of the height between boards"
             raise ValueRangeError(f"board_m: at most {most}, got {self.board_m:g}")
+
+    def _fill_in(self) -> None:
+        """Set what the kind does not state: furniture has a usual size and look."""
+        usual = _USUAL.get(self.shape, {})
+        if self.surface is not _UNSTATED and self.shape in ("table", "rack"):
+            usual = {**usual, "frame": None}
+        unstated = {"size_m": _NO_SIZE, "surface": _UNSTATED, "frame": None, "above_floor_m": None}
+        for key in (key for key, missing in unstated.items() if getattr(self, key) is missing):
+            object.__setattr__(self, key, usual.get(key, unstated[key]))
+        lacks = {"size_m": self.size_m is _NO_SIZE, "surface": self.surface is _UNSTATED}
+        lacks["class"] = not self.class_name and self.shape not in ON_WALL
+        for key in (each for each, is_missing in lacks.items() if is_missing):
+            raise ValueRangeError(f"lacks the key '{key}', which a {self.shape} needs")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +237,8 @@ class RoomSection:
         for kind in kinds:
             if kind.class_name not in other:
                 apart_m = math.hypot(*kind.size_m[:2])
+                if kind.shape in ROUND:
+                    apart_m = kind.size_m[0]
                 found_m[kind.class_name] = max(apart_m, found_m.get(kind.class_name, 0.0))
         return found_m
 
@@ -264,7 +263,7 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
     files: list[Path] = []
     for name, kind in section.objects.items():
         with file.at("room", "objects", name, "class"):
-            _check_class(kind.class_name, classes)
+            _check_class(kind, classes)
         if kind.file is not None:
             with file.at("room", "objects", name, "file"):
                 files.append(_inside(folder, kind.file))
@@ -277,9 +276,10 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
     return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
 
 
-def _check_class(name: str, classes: LabClasses) -> None:
+def _check_class(kind: ObjectKind, classes: LabClasses) -> None:
+    name = kind.class_name or classes.names[OUTSIDE]
     role = [*classes][classes.id_of(name)].role
-    if role != "obstacle":
+    if role != "obstacle" and not (role == "outside" and kind.shape in ON_WALL):
         raise ValueRangeError(
             f"an object's class must be an obstacle; '{name}' has the role {role}"
         )
@@ -302,41 +302,3 @@ def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
             surface = getattr(part, key, None)
             if surface is not None:
                 yield surface, (*steps, key)
-
-
-MAX_SIDE_PX: Final = 4096
-MAX_BYTES: Final = 8_000_000
-_PNG: Final = b"\x89PNG\r\n\x1a\n"
-_JPEG: Final = b"\xff\xd8\xff"
-_NO_SIZE: Final = (0xC4, 0xC8, 0xCC)  # JPEG segments among those of sizes that have none
-
-
-def check_picture(path: Path) -> None:
-    """Refuse a file that is no picture, or a large one."""
-    data = read_bounded(path, MAX_BYTES)
-    size_px = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
-    if size_px is None or min(size_px) < 1:
-        raise FileError(path, "is no picture: expected a PNG or JPEG file")
-    if max(size_px) > MAX_SIDE_PX:
-        found = f"is a picture of {size_px[0]}x{size_px[1]} pixels"
-        raise FileError(path, f"{found}: at most {MAX_SIDE_PX} a side, make it smaller")
-
-
-def _png_size(data: bytes) -> tuple[int, int] | None:
-    if data[12:16] != b"IHDR" or len(data) < 24:
-        return None
-    return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return the size in the first frame header; None without one."""
-    if not data.startswith(_JPEG):
-        return None
-    place = 2
-    while place + 9 <= len(data) and data[place] == 0xFF:
-        kind = data[place + 1]
-        if 0xC0 <= kind <= 0xCF and kind not in _NO_SIZE:
-            high, wide = data[place + 5 : place + 7], data[place + 7 : place + 9]
-            return int.from_bytes(wide, "big"), int.from_bytes(high, "big")
-        place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
-    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Final
 
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.files import write_whole, writing
-from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, Lab, check_lab_name
+from uav_bt.lab.lab import LAB_FILE, LABS_FOLDER, SCENES_FOLDER, Lab, check_lab_name
 from uav_bt.types.sizes import LandingMark
 
 DEFAULT_LAB: Final = "paper"
@@ -60,20 +61,28 @@ def default_mark() -> LandingMark:
     return lab.mark
 
 
-def write_lab(name: str, folder: Path) -> Path:
-    """Write the commented lab file of a new place into the folder of the labs; return its path."""
+def write_lab(name: str, folder: Path, *, simulated: bool = False) -> Path:
+    """Write the commented lab file of a new place into the folder of the labs; return its path.
+
+    With `simulated` it describes a furnished room, and a scene in it is written, too.
+    """
     check_lab_name(name)
     if name in shipped_labs():
         raise InputError(f"a lab '{name}' ships with uav-bt: choose another name")
     path = folder / name / LAB_FILE
     if path.parent.exists():
         raise FileError(path.parent, "exists: choose another name, or edit its lab.yaml")
-    with writing(path):
-        path.parent.mkdir(parents=True)
+    starters = {path: "starter.yaml"}
+    if simulated:
+        scene = path.parent / SCENES_FOLDER / f"{name}-a.yaml"
+        starters = {path: "starter-room.yaml", scene: "starter-scene.yaml"}
     try:
-        write_whole(path, (_LABS / "starter.yaml").read_bytes())
+        for target, starter in starters.items():
+            with writing(target):
+                target.parent.mkdir(parents=True)
+            write_whole(target, (_LABS / starter).read_bytes())
     except FileError:
-        path.parent.rmdir()  # so that the name is free for another try
+        shutil.rmtree(path.parent, ignore_errors=True)  # the name is free for another try
         raise
     return path
 

@@ -89,7 +89,7 @@ class MapCheck:
     """Follows a flight and compares its map, which `read` returns, with the truth."""
 
     def __init__(self, ground: Ground, read: Callable[[], SiteMap | None]) -> None:
-        self._objects = [each for each in ground.standing if each.class_id is not None]
+        self._objects = [each for each in ground.standing if each.class_id]
         self._read = read
         self._alignment = MapAlignment()
         self._newest: SiteMap | None = None

@@ -21,7 +21,15 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import sample_flight_poses
 from tests.paper_lab import CARPET
 from tests.sim_bridge.twin.lab_world import lens
-from tests.sim_bridge.twin.room_world import L_SHAPED, START, alone, scene_of, write_lab
+from tests.sim_bridge.twin.room_world import (
+    FURNISHED,
+    FURNITURE,
+    L_SHAPED,
+    START,
+    alone,
+    scene_of,
+    write_lab,
+)
 from uav_bt.types import MoverState, Pose2D
 
 SIZE = (160, 90)
@@ -58,10 +66,10 @@ def share_off(
     return float(np.mean(wrong))
 
 
-@pytest.mark.parametrize("kind", ["drum", "crate", "table", "rack", "cone"])
+@pytest.mark.parametrize("kind", ["drum", "crate", "table", "rack", "cone", *FURNITURE])
 def test_rays_meet_a_shape_where_mujoco_meets_its_contacts(tmp_path: Path, kind: str) -> None:
     """Random rays of the view, on and beside pixels: the same hits, within a micrometre."""
-    scene = alone(write_lab(tmp_path / "hall"), kind)
+    scene = alone(write_lab(tmp_path / "hall", FURNISHED), kind)
     lab = build_model(scene, drawn=False)
     data = mujoco.MjData(lab.model)
     mujoco.mj_forward(lab.model, data)
@@ -91,6 +99,17 @@ def test_the_renderer_draws_the_same_shapes(tmp_path: Path, kind: str) -> None:
     """A drawn cylinder has 32 faces; at an edge a ray may meet another part."""
     scene = alone(write_lab(tmp_path / "hall"), kind)
     assert share_off(scene, around(5), off_m=0.01 if kind == "drum" else 1e-3) < 3e-3
+
+
+def test_the_renderer_draws_the_same_furniture_doors_and_windows(tmp_path: Path) -> None:
+    """Doors and windows have the class of the walls, as seen and as cast."""
+    kinds = enumerate((*FURNITURE, "door", "window"))
+    items = [
+        f"  - {{kind: {kind}, wall: {n % 4 + 1}, along_m: {n // 4 * 1.4}}}\n" for n, kind in kinds
+    ]
+    scene = scene_of(write_lab(tmp_path / "hall", FURNISHED), f"{START}objects:\n{''.join(items)}")
+    poses = [lens(0.0, 0.0, 1.4, yaw_deg, -15.0) for yaw_deg in range(0, 360, 72)]
+    assert share_off(scene, poses, off_m=0.01) < 3e-3
 
 
 @pytest.mark.parametrize("name", ["train-b", "benchmarks/scenes/hall-10m.yaml", "depot-train-a"])

@@ -42,6 +42,16 @@ room:
       surface: {colour: "#ff7000"}
       moves: true
 """
+FURNITURE = "chair", "round_table", "shelf", "cabinet", "person"
+FURNISHED = "\n    ".join(
+    [
+        LAB.rstrip(),
+        *(f"{shape}: {{class: drum, shape: {shape}}}" for shape in FURNITURE),
+        "door: {shape: door}",
+        "window: {shape: window}\n",
+    ]
+)
+"""The lab with furniture of its usual size and look, a door and a window."""
 OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
 L_SHAPED = LAB.replace("size_m: [6, 4]", OUTLINE)
 START = "take_off: {from: [-2.5, -1.5]}\n"

@@ -9,12 +9,22 @@ import numpy as np
 import pytest
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import ObjectSpec, object_names
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
-from sim_bridge.twin.variation import start_pose
+from sim_bridge.twin.variation import start_pose, varied
 from tests.paper_lab import BOXES
-from tests.sim_bridge.twin.room_world import LAB, START, alone, body_in, scene_of
+from tests.sim_bridge.twin.room_world import (
+    FURNISHED,
+    FURNITURE,
+    L_SHAPED,
+    LAB,
+    START,
+    alone,
+    body_in,
+    scene_of,
+)
 from tests.worlds import values
 from tests.worlds.tables import cases
 from uav_bt.errors import SceneError
@@ -179,6 +189,106 @@ def test_shelves_and_drums_cover_their_outline(
 ) -> None:
     cells = GroundCells(alone(hall, kind, yaw_deg=yaw_deg).ground_plan)
     assert float((~cells.free).sum()) * 0.05**2 == pytest.approx(area_m2, rel=0.1)
+
+
+# --- furniture, and what is at a wall -------------------------------------------------------------
+
+
+def furnished(hall: Path, *items: str, lab: str = FURNISHED) -> Scene:
+    (hall / "lab.yaml").write_text(lab, encoding="utf-8")
+    return scene_of(hall, f"{START}objects:\n" + "".join(f"  - {{{item}}}\n" for item in items))
+
+
+@pytest.mark.parametrize("kind", [*FURNITURE, "door", "window"])
+def test_furniture_fills_its_size_and_is_touched(hall: Path, kind: str) -> None:
+    scene = furnished(hall, f"kind: {kind}, wall: south")
+    (item,) = scene.placed
+    around, blocks = item.footprint, item.standing.blocks
+    assert len(blocks) > 3
+    has_top = kind not in {"person", "door", "window"}
+    assert sum(part.roofed for part in item.shape.parts) == has_top
+    assert max(block.top_m for block in blocks) == pytest.approx(item.standing.height_m)
+    for block in blocks:
+        x_m, y_m = around.to_body(block.footprint.x_m, block.footprint.y_m)
+        assert abs(x_m) + block.footprint.half_x_m <= around.half_x_m + 1e-9
+        assert abs(y_m) + block.footprint.half_y_m <= around.half_y_m + 1e-9
+    body = body_in(scene)
+    share = 0.5 if kind == "chair" else 0.97  # of the height: the seat, or the top
+    body.place(around.x_m, around.y_m, share * item.standing.height_m, 0.0)
+    assert f"{kind}-1" in body.contacts()
+
+
+@pytest.mark.parametrize(
+    ("place", "pose"),
+    [
+        ("wall: north, along_m: 1.2", (1.2, 1.975, 0.0)),
+        ("wall: east, along_m: 1.2", (2.975, 1.2, -90.0)),
+        ("wall: south, along_m: -1", (-1.0, -1.975, 180.0)),
+        ("wall: 2, along_m: -1", (-2.975, -1.0, 90.0)),
+        ("position_m: [1.3, 2.05]", (1.3, 1.975, 0.0)),
+    ],
+)
+def test_a_door_is_flat_on_its_wall(
+    hall: Path, place: str, pose: tuple[float, float, float]
+) -> None:
+    """It belongs to the wall: maps and the count of objects do not have it."""
+    scene = furnished(hall, f"kind: door, {place}")
+    (door,) = scene.placed
+    assert (door.pose.x_m, door.pose.y_m) == pytest.approx(pose[:2])
+    assert math.cos(door.pose.yaw_rad - math.radians(pose[2])) == pytest.approx(1.0)
+    assert (door.shape.class_id, scene.ground_plan.standing[0].class_id) == (0, 0)
+    assert build_model(scene, drawn=False).obstacle_geoms == ()
+    (hall / "again.yaml").write_text(scene_text(scene), encoding="utf-8")
+    assert load_scene(hall / "again.yaml") == scene
+
+
+def test_other_furniture_stands_with_its_back_at_a_wall(hall: Path) -> None:
+    """Its front looks into the room; a random room leaves it there."""
+    scene = furnished(hall, "kind: shelf, wall: west", "kind: drum, position_m: [1, 0]")
+    back = next(part for part in scene.placed[0].shape.parts if part.look == "frame")
+    assert back.at(scene.placed[0].pose).footprint.x_m == pytest.approx(-3.0, abs=0.02)
+    other = varied(scene, 3, room=True, movers=0)
+    assert other.objects[0] == scene.objects[0]
+    assert other.objects[1] != scene.objects[1]
+
+
+@pytest.mark.parametrize(
+    ("lab", "item", "message"),
+    [
+        (FURNISHED, "kind: door, position_m: [1, 0.5]", "on one is [1, 2]; or give 'wall'"),
+        (FURNISHED, "kind: door, wall: north, along_m: 3", "at most 2.52 m from the middle"),
+        (
+            FURNISHED,
+            "kind: door, wall: 5",
+            "'5' names 0 walls; choose one: 1 (its middle",
+        ),
+        (FURNISHED, "kind: door, wall: nroth", "got 'nroth'; did you mean 'north'?"),
+        (FURNISHED, "kind: shelf, wall: west, yaw_deg: 5", "faces the room: remove 'yaw_deg'"),
+        (FURNISHED, "kind: shelf", "needs either position_m or wall"),
+        (FURNISHED, "kind: shelf, position_m: [0, 0], along_m: 1", "add 'wall'"),
+        (FURNISHED.replace("  walls:", "  # walls:"), "kind: door, wall: west", "add 'walls' to"),
+        (
+            FURNISHED.replace(LAB[LAB.index("room:") :], L_SHAPED[L_SHAPED.index("room:") :]),
+            "kind: shelf, wall: north",
+            "2 walls; choose one: 3 (its middle is [1.5, 0]), 5",
+        ),
+    ],
+)
+def test_what_cannot_be_at_a_wall_is_refused(hall: Path, lab: str, item: str, message: str) -> None:
+    with pytest.raises(SceneError, match=r"mine.yaml:3: objects\[0\]") as caught:
+        furnished(hall, item, lab=lab)
+    assert message in str(caught.value)
+
+
+def test_all_faults_of_an_arrangement_come_at_once(hall: Path) -> None:
+    movers = "{kind: door, path_m: [[0, -1], [1, -1]], speed_mps: 0.5}"
+    items = ("kind: drum, position_m: [5, 0]", "kind: sofa, position_m: [0, 0]")
+    with pytest.raises(SceneError) as caught:
+        furnished(hall, *items, f"kind: door, position_m: [0, 0]}}\nmovers:\n  - {movers[:-1]}")
+    found = [line.split("mine.yaml:")[1] for line in str(caught.value).splitlines()]
+    assert [line[:13] for line in found] == [
+        *("3: objects[0]", "4: objects[1]", "5: objects[2]", "7: movers[0]:"),
+    ]
 
 
 @pytest.mark.parametrize("step", [1, -1])

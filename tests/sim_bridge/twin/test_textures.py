@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim_bridge.twin import textures
 from sim_bridge.twin.surfaces import paint_of
 from uav_bt.errors import FileError
-from uav_bt.lab.room import ROOF_PAPERS, SIDE_PAPERS, PaintedLine, Surface
+from uav_bt.lab.surface import ROOF_PAPERS, SIDE_PAPERS, PaintedLine, Surface
 
 RED = PaintedLine(points_m=((0.5, 0.25), (0.9, 0.25)), width_m=0.2, colour="#ff0000")
 WHOLE_M = (2.0, 1.0)
@@ -70,8 +70,15 @@ def test_a_line_is_painted_at_its_place(tmp_path: Path, given: dict[str, Any]) -
 
 
 def test_a_colour_is_the_mean_of_its_texture() -> None:
-    image = paint_of(Surface(colour="#2c5aa8"), Path()).make()
-    assert image.mean(axis=(0, 1)) == pytest.approx((0x2C, 0x5A, 0xA8), abs=8)
+    """Alone it is plain on walls and furniture; on the ground it is a carpet of this colour."""
+    alone, painted = Surface(colour="#2c5aa8"), Surface(generator="paint", colour="#2c5aa8")
+    wall, ground = paint_of(alone, Path()), paint_of(alone, Path(), WHOLE_M)
+    paint = paint_of(painted, Path())
+    for image in (wall.make(), ground.make(), paint.make()):
+        assert image.mean(axis=(0, 1)) == pytest.approx((0x2C, 0x5A, 0xA8), abs=8)
+    assert [wall.make().std(axis=(0, 1)).max(), ground.tile_m] == [0.0, WHOLE_M]
+    assert ground.make()[..., 2].std() > 8.0, "odometry needs texture"
+    assert len({each.name for each in (wall, ground, paint)}) == 3
 
 
 def test_a_picture_that_is_cut_off_is_refused_when_it_is_drawn(hall: Path) -> None:

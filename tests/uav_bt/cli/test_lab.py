@@ -217,6 +217,10 @@ def test_a_new_lab_can_be_flown_at_once(world: Path) -> None:
     assert lab.mark is not None
     assert lab.mark.kind == "apriltag"
     assert run("check", "mission.xml", "--lab", "hall").stdout == "mission.xml: good\n"
+    simulated = run("lab", "new", "office", "--simulated")
+    assert "fly survey_and_land --drone plain --lab labs/office" in simulated.stdout
+    flown = run("fly", "mission.xml", "--lab", "office", "--drone", "plain", "--scene", "office-a")
+    assert flown.exit_code == 0, flown.output
 
 
 # --- images of a lab from videos, and picks on them -----------------------------------------------

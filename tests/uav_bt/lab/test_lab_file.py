@@ -110,6 +110,8 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
         (["class: drum, shape: table", "class: drum, shape: box"], 0.0),
         (["class: drum, shape: table, moves: true"], 0.0),
         (["class: lid, shape: table"], 0.0),
+        (["class: drum, shape: chair"], 1.5),
+        (["class: drum, shape: chair", "class: drum, shape: shelf"], 0.0),
     ],
 )
 def test_tables_and_racks_of_the_room_stand_on_legs(
@@ -119,6 +121,12 @@ def test_tables_and_racks_of_the_room_stand_on_legs(
     objects = "".join(f"    kind_{row}: {{{kind}, {look}}}\n" for row, kind in enumerate(kinds))
     lab = read_lab(lab_folder(tmp_path, f"{LAB}room:\n  objects:\n{objects}"))
     assert lab.classes.legs_m.tolist() == [0.0, 0.0, pytest.approx(apart_m), 0.0]
+
+
+def test_furniture_has_a_usual_size(tmp_path: Path) -> None:
+    """The legs of a round table are at most its diameter apart, 1 m."""
+    text = f"{LAB}room: {{objects: {{table: {{class: drum, shape: round_table}}}}}}\n"
+    assert read_lab(lab_folder(tmp_path, text)).classes.legs_m.max() == 1.0
 
 
 @pytest.mark.parametrize(

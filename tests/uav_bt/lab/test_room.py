@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from tests.worlds.tables import cases
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import pieces, read_obj
-from uav_bt.lab.room import check_picture
+from uav_bt.lab.surface import check_picture
 
 CASES = cases("labs")
 
@@ -45,6 +44,42 @@ def test_a_mistake_in_a_room_is_reported_with_its_line(
     assert message in str(caught.value)
     assert str(caught.value).startswith(f"{folder / 'lab.yaml'}:")
     assert abs((caught.value.line or 0) - line_of(LAB, old.splitlines()[0].strip()[:12])) <= 7
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("shape: chair", "lacks the key 'class'"),
+        ("class: drum, shape: box", "lacks the key 'size_m'"),
+        ("class: drum, shape: box, size_m: [1, 1, 1]", "lacks the key 'surface'"),
+        ("class: floor, shape: door", "'floor' has the role ground"),
+        ("class: hall, shape: chair", "'hall' has the role outside"),
+        ("shape: door, moves: true", "a door does not move"),
+        ("class: drum, shape: chair, above_floor_m: 1", "a chair stands on the floor"),
+        ('class: drum, shape: person, top: {colour: "#000000"}', "has no upper face of its own"),
+        ('class: drum, shape: cabinet, frame: {colour: "#000000"}', "has no legs, posts or frame"),
+        ("class: drum, shape: round_table, size_m: [1, 2, 1]", "as wide as it is long"),
+    ],
+)
+def test_furniture_that_cannot_be_is_refused(tmp_path: Path, kind: str, message: str) -> None:
+    folder = write_lab(tmp_path / "hall", f"{LAB}    thing: {{{kind}}}\n")
+    with pytest.raises(FileError, match=r"lab.yaml:29: room.objects.thing") as caught:
+        read_lab(folder)
+    assert message in str(caught.value)
+
+
+def test_furniture_has_usual_looks_that_a_kind_may_change(tmp_path: Path) -> None:
+    """A table or rack with a surface has legs of this look, as ever."""
+    shapes = ("chair", "table", "box")
+    size = 'size_m: [1, 1, 1], surface: {colour: "#112233"}'
+    kinds = "".join(f"    a_{each}: {{class: drum, shape: {each}, {size}}}\n" for each in shapes)
+    room = read_lab(write_lab(tmp_path / "hall", f"{LAB}{kinds}    door: {{shape: door}}\n")).room
+    assert room is not None
+    looks = [room.section.objects[f"a_{each}"] for each in shapes]
+    assert {each.surface.colour for each in looks} == {"#112233"}
+    assert [each.frame is None for each in looks] == [False, True, True]
+    door = room.section.objects["door"]
+    assert (door.size_m[2], door.frame is None) == (2.05, False)
 
 
 def test_a_link_out_of_the_lab_is_refused(tmp_path: Path) -> None:
@@ -150,14 +185,3 @@ def test_the_size_of_a_picture_comes_from_its_header(tmp_path: Path, made: objec
     path.write_bytes(made(30, 50_000))  # type: ignore[operator]
     with pytest.raises(FileError, match="30x50000 pixels: at most 4096"):
         check_picture(path)
-
-
-# --- the page -------------------------------------------------------------------------------------
-
-
-def test_the_room_on_the_page_is_good(tmp_path: Path) -> None:
-    page = Path("docs/describe-a-room.md").read_text(encoding="utf-8")
-    (text,) = re.findall(r"```yaml\n# labs/store/lab.yaml\n(.*?)```", page, flags=re.DOTALL)
-    lab = read_lab(write_lab(tmp_path / "store", text))
-    assert lab.room is not None
-    assert set(lab.room.section.objects) == {"drum", "table"}

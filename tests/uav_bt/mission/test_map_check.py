@@ -102,7 +102,8 @@ def box(class_id: int | None, x_m: float, y_m: float) -> Standing:
 
 
 def test_objects_are_found_by_class_and_place() -> None:
-    flight = Flight(box(BOX_1, 1.0, 1.0), box(BOX_2, -1.0, -1.0), box(None, 0.0, 0.0))
+    of_wall, mark = box(0, 2.0, 0.0), box(None, 0.0, 0.0)
+    flight = Flight(box(BOX_1, 1.0, 1.0), box(BOX_2, -1.0, -1.0), of_wall, mark)
     flight.map = site_map(
         0.0,
         0.0,
