@@ -72,7 +72,7 @@ def _outlines_m(placed: PlacedObject) -> Iterator[list[tuple[float, float]]]:
     """Yield the outline of each piece of a mesh, where it stands; nothing for other shapes."""
     for piece in [] if placed.shape.mesh is None else pieces(placed.shape.mesh):
         hull = cv2.convexHull(piece[..., :2].reshape(-1, 2).astype(np.float32))[:, 0]
-        yield [placed.spec.pose.to_world(x_m, y_m) for x_m, y_m in hull.tolist()]
+        yield [placed.pose.to_world(x_m, y_m) for x_m, y_m in hull.tolist()]
 
 
 def facts_of_flight(flight: Flight[Drone], title: str = "") -> FlightFacts:
