@@ -97,7 +97,6 @@ class CorridorClear(Leaf):
         number("ground_m", 0.6, 0, 50, "ground ahead, m; not needed where the pad lies ahead"),
     )
     reads = (*VIEW_KEYS, MARK)
-    needed = (CORRIDOR,)
     _ground_ends = False  # in the newest view with a class map
 
     def update(self) -> Status:

@@ -77,7 +77,6 @@ class HelipadCenter(MovingLeaf):
         HEADING,
     )
     reads = (STATE, FRAME, CAMERA, MARK)
-    needed = (MARK,)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:

@@ -12,7 +12,7 @@ from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.policies.coverage_policy import CoveragePolicy
 from behaviours.ports import number
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
-from uav_bt.board import HELD_TURN, MARK, PHASE, SITE_MAP
+from uav_bt.board import HELD_TURN, PHASE, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
@@ -61,7 +61,6 @@ class MarkFound(Leaf):
     group = "Parts of shipped subtrees"
     condition = True
     reads = (*TRACK_KEYS, TRACK_TRIED)
-    needed = (MARK,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note the height of the mark."""
@@ -183,7 +182,6 @@ class StopAboveMark(CourseLeaf):
         number("arrive_m", 0.12, 0.01, 2, "horizontal distance that counts as above, m"),
     )
     reads = (*CourseLeaf.reads, *TRACK_KEYS)
-    needed = (MARK,)
     writes = (*CourseLeaf.writes, TRACK_TRIED)
 
     def on_setup(self, mission: MissionContext) -> None:

@@ -17,7 +17,7 @@ from behaviours.fly.moving_leaf import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.ports import StageTimer
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
-from uav_bt.board import CLASS_MAP, FLIGHT_PITCH, FRAME, HELD_TURN, ODOMETRY
+from uav_bt.board import FLIGHT_PITCH, FRAME, HELD_TURN, ODOMETRY
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
@@ -45,7 +45,6 @@ class SteeringLeaf(CourseLeaf):
     points = True
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
     reads: ClassVar[Keys] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
-    needed: ClassVar[Keys] = (CLASS_MAP,)
 
     def may_point(self) -> bool:
         """Return False for a leaf whose port `looks_down` is false."""

@@ -90,7 +90,7 @@ def test_a_failed_node_names_the_innermost_line_of_its_package(
     )
     with pytest.raises(NodeFailedError, match=r"sensor gone \(my_package/leaves\.py:14\)$"):
         LeafBench(leaf_of(leaves.Plain)).tick()
-    with pytest.raises(NodeFailedError, match=r"no port 'absent' \(my_package/leaves\.py:19\)$"):
+    with pytest.raises(NodeFailedError, match=r"no port 'absent' .*\(my_package/leaves\.py:19\)$"):
         LeafBench(leaves.Asks).setup()
 
 

@@ -37,13 +37,11 @@ X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
 
 
 def test_it_flies_ahead_to_a_place_ahead() -> None:
+    facing_y = Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)
     for to, site_map in (
         ("start:1.5,0", on()),
         # The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5).
-        (
-            "start:1.5,0",
-            replace(on(yaw_rad=1.0), start=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)),
-        ),
+        ("start:1.5,0", replace(on(yaw_rad=1.0), start=facing_y)),
         # As near as the ground is known: what lies further on was not seen yet.
         ("start:1.9,0", drawn_map(known=X_M < 1.0)),
     ):

@@ -82,7 +82,7 @@ def test_nobody_at_the_address_is_an_error_with_advice(
 def test_a_missing_sdk_is_reported_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "olympe", None)
     drone = OlympeDrone(config(), probe_first=lambda _: pytest.fail("looked for the drone"))
-    with pytest.raises(MissingDependencyError, match=r"Parrot's SDK .*docs/anafi\.md"):
+    with pytest.raises(MissingDependencyError, match=r"Parrot's SDK .*docs/real-drone\.md"):
         drone.connect()
     assert logging.root.manager.disable == logging.NOTSET
 

@@ -240,7 +240,7 @@ CEILING = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight
         (str, {"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
         (composed, {"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
         (composed, {"policies": {"pek": "corridor"}}, "node of that .*; did you mean 'peek'"),
-        (composed, {"policies": {"peek": "corridor"}}, "of 'peek': unknown attribute 'policy'"),
+        (composed, {"policies": {"peek": "corridor"}}, "of 'peek': the node has no port 'policy'"),
         (composed, {"site": app.Site(limits=LOW)}, CEILING),
         (composed, {"limits": LOW}, CEILING),
         (hop, {"watch": print}, "watch: expected a tree file"),

@@ -67,7 +67,9 @@ def test_the_schema_of_all_installed_nodes_is_printed_or_written(tmp_path: Path)
 def test_a_tree_is_drawn_in_ascii_by_default(tmp_path: Path) -> None:
     result = run("tree", "render", "land_only")
     assert result.exit_code == 0
-    assert result.stdout.startswith("Mission\n`-- ReactiveSequence 'mission'\n    |-- Segment")
+    assert result.stdout.startswith(
+        "Mission\n`-- ReactiveSequence 'mission'\n    |-- SubTree Perceive"
+    )
     assert run("tree", "render", "land_only", "--format", "ascii").stdout == result.stdout
     out = tmp_path / "tree.svg"
     drawn = run("tree", "render", "land_only", "--format", "svg", "--out", out)
