@@ -158,6 +158,7 @@ def test_a_call_of_the_sdk_that_blocks_keeps_nobody_and_is_finished_by_its_threa
     else:
         with pytest.raises(DroneError, match=message):
             flight.drone.connect()
+    assert soon(lambda: call in [name for sdk in flight.world.made for name, _ in sdk.calls])
     # The SDK is still busy, so no other thread may use its object.
     assert called(flight)[-1] == call
     flight.world.go.set()
