@@ -24,6 +24,7 @@ from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.video import FlightVideo
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.lab.obj_file import pieces
+from uav_bt.lab.room import ON_WALL
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import Drone
@@ -38,8 +39,8 @@ def map_of_scene(scene: Scene) -> LabMap:
 
     def item(class_id: int, outline: Footprint, height_m: float, **more: Any) -> MapItem:
         red, green, blue = classes.colours[class_id].tolist()
-        colour, name = (red, green, blue), classes.names[class_id]
-        return MapItem(**vars(outline), height_m=height_m, colour=colour, name=name, **more)
+        known = {"colour": (red, green, blue), "name": classes.names[class_id]}
+        return MapItem(**vars(outline), height_m=height_m, **known | more)
 
     movers = []
     for mover in scene.movers:
@@ -59,6 +60,7 @@ def map_of_scene(scene: Scene) -> LabMap:
                 one.standing.height_m,
                 parts=one.standing.parts,
                 pieces_m=tuple(_outlines_m(one)),
+                **({"name": one.spec.kind} if one.shape.kind.shape in ON_WALL else {}),
             )
             for one in scene.placed
         ),
