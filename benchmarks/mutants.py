@@ -101,7 +101,7 @@ def plant(mistake: Mistake, folder: Path) -> None:
 
 
 def main() -> None:
-    """Draw mistakes, write the copies and print a line for each."""
+    """Choose mistakes at random, write a copy of the program with each, and print them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=5, help="on each floor")

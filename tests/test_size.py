@@ -31,7 +31,7 @@ CEILINGS = {
     "perception/segmentation": 2_151,
     "sim_bridge": 40,
     "sim_bridge/loopback": 3_646,
-    "sim_bridge/olympe": 2_219,
+    "sim_bridge/olympe": 2_220,
     "sim_bridge/plain": 633,
     "sim_bridge/twin": 4_833,
     "tests": 986,
@@ -59,7 +59,7 @@ CEILINGS = {
     "uav_bt/mission": 3_232,
     "uav_bt/record": 1_916,
     "uav_bt/testing": 1_617,
-    "uav_bt/tree": 9_444,
+    "uav_bt/tree": 9_447,
     "uav_bt/types": 2_127,
 }
 SLACK = 40  # a ceiling stands at most this far above its package

@@ -56,7 +56,7 @@ def load_assets(folder: Path, use: str) -> Assets:
 
 
 def make_assets(library: Path, pictures: Path, out: Path) -> None:
-    """Write a library's furniture as meshes, and the photographs of `train` and `test` small."""
+    """Write a library's furniture as meshes, and smaller copies of the photographs."""
     (out / "furniture").mkdir(parents=True, exist_ok=True)
     listed = []
     with zipfile.ZipFile(library) as archive:

@@ -139,10 +139,10 @@ def _form(
 
 
 class RoomSegmenter:
-    """A network for any room: roles instead of classes, and relative depth by the same inference.
+    """A network that knows three roles in any room, and gives relative depth with them.
 
-    A role becomes a class of the lab: the first outside, the first ground, and the first obstacle
-    that is no upper face. The outputs are `logits` (1, 3, H, W) of these, and `depth` (1, 1, h, w).
+    A pixel's role is shown as the lab's first class of this role (of obstacles the first that is
+    no upper face). Outputs of the network: `logits` (1, 3, H, W), and `depth` (1, 1, h, w).
     """
 
     def __init__(self, path: Path, classes: LabClasses, *, threads: int = 1) -> None:

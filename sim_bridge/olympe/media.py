@@ -37,7 +37,8 @@ def fetch_photo(host: str, port: int, media: str, limit_s: float) -> bytes:
         DroneError: The drone does not send it in time, or sends another file than a JPEG.
     """
     if not _ID.fullmatch(media):
-        raise DroneError(f"the drone names its photograph '{media:.70}', which is no identifier")
+        got = f"the drone names its photograph '{media:.70}', which is no identifier"
+        raise DroneError(f"{got} of letters and digits: fetch it from the memory card")
     photo: Future[bytes] = Future()
 
     def fetch() -> None:

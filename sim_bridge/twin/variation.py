@@ -50,7 +50,7 @@ def _rounded(rng: np.random.Generator, low: float, high: float, digits: int = 2)
 def varied_scene(scene: Scene, rng: np.random.Generator, *, name: str, layout: bool) -> Scene:
     """Return a scene with random light and, with `layout`, random places of its objects.
 
-    Boxes in printed paper then have other sizes, too.
+    `layout` also draws the sizes of boxes that are covered with printed paper.
     """
     objects = _moved(scene, rng) if layout else scene.objects
     return replace(scene, name=name, objects=objects, lighting=_varied_light(scene.lighting, rng))

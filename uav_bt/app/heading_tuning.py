@@ -52,7 +52,7 @@ class YawResponse:
     gain: float  # yaw rate reached per yaw rate commanded
 
     def turned(self, series: Series) -> NDArray[np.float64]:
-        """Return the turn since the start of a series, (N,) rad."""
+        """Return the turn that the model predicts since the start of a series, (N,) rad."""
         times, rates, _ = series
         commanded = np.append(0.0, np.cumsum(rates[:-1] * np.diff(times)))
         grid = np.arange(times[0], times[-1] + _STEP_S, _STEP_S)

@@ -62,8 +62,8 @@ class ClipSource:
         """Return a frame and two that were taken near it; the camera must have moved."""
         if not self._targets:
             raise ValueRangeError(
-                f"no frame of {len(self._flights)} flights has two others that were taken a little "
-                f"away, up to {_MAX_MOVE_M} m; fly further"
+                f"no frame of {len(self._flights)} flights has two others from nearby places, at "
+                f"most {_MAX_MOVE_M} m away; record flights in which the drone moves"
             )
         number, target, beside = self._targets[int(rng.integers(len(self._targets)))]
         others = [int(other) for other in rng.choice(beside, size=2, replace=False)]

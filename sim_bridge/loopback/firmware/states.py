@@ -43,7 +43,7 @@ class States:
         return self._rows[event][0][argument]
 
     def begin(self, event: str, /, **values: Any) -> None:
-        """State the first values of an event, to which a reset returns."""
+        """Store the first values of an event's arguments, which a reset restores."""
         self._first[event] = [values]
         self._rows[event] = [dict(values)]
 

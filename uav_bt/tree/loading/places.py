@@ -137,7 +137,10 @@ def lines_of_lists(sources: Mapping[Path, bytes]) -> dict[str, str]:
 def read_places(
     data: bytes, *, is_table: bool
 ) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
-    """Return the places of a file and its faults, each with its line (0: the file as a whole)."""
+    """Return the places in a file, and its faults; each is a line number (0: all) and a text.
+
+    `is_table`: the file has columns, as a CSV file.
+    """
     try:
         lines = data.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError as error:

@@ -86,7 +86,7 @@ class Slot:
 
     @property
     def is_shown(self) -> bool:
-        """True when the file shows all values that it gets."""
+        """True when all values of the variable can be read in the tree file."""
         changes = any(not (write.creates or write.keeps_type) for write in self.writes)
         return self.created and not (self.obscure or self.given or changes)
 

@@ -204,7 +204,7 @@ class Delay(DecoratorNode):
     _start_at_s: float | None = None  # None: not waiting
 
     def update(self) -> Status:
-        """Tick the child."""
+        """Return RUNNING during the time; then tick the child."""
         delay_msec = self.port(self.DELAY_MSEC)
         now_s = self.clock.now()
         if self._start_at_s is None:

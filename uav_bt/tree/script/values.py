@@ -144,7 +144,7 @@ class Environment:
 
     def _read_board(self, key: str) -> Any:
         if self._board is None:
-            raise ScriptError(f"'@{key}': there is no mission board here")
+            raise ScriptError(f"'@{key}': this script runs without a mission, so it has no board")
         try:
             declared = self._board.key(key)
         except BoardAccessError as error:  # no leaf of the tree declares it
