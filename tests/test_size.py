@@ -60,7 +60,7 @@ CEILINGS = {
     "uav_bt/record": 1_916,
     "uav_bt/testing": 1_617,
     "uav_bt/tree": 9_447,
-    "uav_bt/types": 2_127,
+    "uav_bt/types": 2_129,
 }
 SLACK = 40  # a ceiling stands at most this far above its package
 BYTES_A_LINE = 43  # of all Python; sim_bridge had the shortest lines, and a third of it went

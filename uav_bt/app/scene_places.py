@@ -43,7 +43,7 @@ def with_places(lab_map: LabMap, mission: MissionTree, scene: Scene, site: Site)
             found = MapPlace(text=text, at_m=at_m, note="only faced")
         else:
             is_mark = place.frame is PlaceFrame.MARK
-            margins = usual.in_gap() if is_mark else usual.through(Passage.OUT)
+            margins = usual.in_gap() if is_mark else usual.through(Passage.TIGHT)
             room = _room(at_m, lab_map, scene, margins)
             found = MapPlace(text=text, at_m=at_m, note=str(room))
             if room.short_m > _ROUNDING_M:

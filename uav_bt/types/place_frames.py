@@ -82,7 +82,9 @@ def _origin(
         here = replace(here, x_m=found.x_m, y_m=found.y_m)
     elif place.frame is PlaceFrame.LAB and take_off is None:
         if mark is None:
-            return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
+            return Unresolved(
+                reason="the take-off pose in the lab's drawing is unknown: state `take_off`"
+            )
         if seen is None or seen.yaw_rad is None:
             return Unresolved(reason="the landing mark and its heading were not seen yet")
         here = Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad)

@@ -136,16 +136,16 @@ def test_places_of_a_mission_have_their_room(empty: Path) -> None:
     rows = [" ".join(line.split()) for line in result.stdout.splitlines()[4:-1]]
     assert rows == [
         "start:0.5,0 -1.00 -0.50 1.50 m to the edge of the ground, 0.30 m needed",
-        "lab:0.51,0 0.51 0.00 BAD: 0.29 m to box-2, 0.30 m needed",
+        "lab:0.51,0 0.51 0.00 BAD: 0.29 m to box-2, 0.34 m needed",
         "lab:1,0 1.00 0.00 only faced",
         "object:3 known in flight only",
         "mark -1.00 -1.00 1.00 m to the edge of the ground, 0.20 m needed",
-        "start:1,1 0.00 0.00 0.80 m to box-2, 0.30 m needed",
+        "start:1,1 0.00 0.00 0.80 m to box-2, 0.34 m needed",
         "start:1,3.2 2.20 0.00 BAD: 1.20 m beyond the border of the area",
         "lab:0,1.8 0.00 1.80 BAD: 0.80 m beyond the border of the area",
     ]
     faults = result.stderr.splitlines()
-    cure = "no room at 'lab:0.51,0', 0.29 m to box-2, 0.30 m needed: move it by 0.01 m"
+    cure = "no room at 'lab:0.51,0', 0.29 m to box-2, 0.34 m needed: move it by 0.05 m"
     assert faults[0] == f"mission.xml:3:41: {cure}"
     assert f"{empty / 'rounds.csv'}:3: no room at 'start:1,3.2'" in faults[1]
     Path("mission.xml").write_text(VISIT.replace("lab:0.51", "lab:0.36"), encoding="utf-8")
