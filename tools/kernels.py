@@ -32,8 +32,10 @@ def variables(kernels: str) -> dict[str, str]:
         for found in (of_numpy, of_opencv)
     )
     settings = dict(pair.split("=", 1) for pair in SETTINGS[kernels].split())
-    settings["NPY_DISABLE_CPU_FEATURES"] = " ".join(numpy)
-    settings["OPENCV_CPU_DISABLE"] = ",".join(opencv)
+    # What this process must already do without stays off in the command.
+    numpy_off, opencv_off = map(os.environ.get, ("NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE"))
+    settings["NPY_DISABLE_CPU_FEATURES"] = " ".join([*(numpy_off or "").split(), *numpy])
+    settings["OPENCV_CPU_DISABLE"] = ",".join([*filter(None, [opencv_off]), *opencv])
     return settings if numpy else {}
 
 
