@@ -165,7 +165,7 @@ def test_single_frames_need_no_movement(labelled: Flight) -> None:
     source = ClipSource([replace(labelled, frames=labelled.frames[:1] * 12)])
     assert source.frame_count == 4  # every third of twelve
     assert source.singles(np.random.default_rng(0)).images.shape == (3, 256, 320, 3)
-    with pytest.raises(ValueRangeError, match="fly further"):
+    with pytest.raises(ValueRangeError, match="in which the drone moves"):
         source.neighbours(np.random.default_rng(0))
 
 
