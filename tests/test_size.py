@@ -10,7 +10,7 @@ from benchmarks.size import ROOT, lines, package_of, tracked
 # Lines as `wc -l` counts them. A cut lowers its ceiling; a commit that raises one says why.
 CEILINGS = {
     "behaviours": 66,
-    "behaviours/fly": 3_532,
+    "behaviours/fly": 3_536,
     "behaviours/path": 1_730,
     "behaviours/perceive": 734,
     "behaviours/policies": 619,

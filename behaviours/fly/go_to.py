@@ -195,7 +195,9 @@ class GoTo(PlaceLeaf):
         if shorter or way.left_m > self._best_m + _PROGRESS_M:  # a new way counts anew
             self._best_m = way.left_m
         self.feedback_message = way.reason
-        self._trouble = f"{'no progress, ' * way.reason.endswith(' left')}{way.reason}"
+        self._trouble = way.reason
+        if way.reason.endswith(" left"):
+            self._trouble = f"no progress, {way.reason}"
         self._below = way.course is None and way.left_m <= _BELOW_M
         if self._below:  # the ground there is below the view in flight
             self.fly_on(state, Rotate(yaw_rad=way.bearing_rad, reason="looks down"))

@@ -54,7 +54,8 @@ class MoveBy(PlaceLeaf):
         """Note the margins of the place."""
         super().on_setup(mission)
         margins = Margins().within(mission.clearances).tight()
-        self._margins = margins, replace(margins, unknown_m=margins.unknown_m - _SHIFTS_M)
+        self._margins = margins
+        self._under_way = replace(margins, unknown_m=margins.unknown_m - _SHIFTS_M)
 
     def needs(self) -> tuple[Key[Any], ...]:
         """Return the map; a movement straight up or down needs none."""
@@ -83,7 +84,8 @@ class MoveBy(PlaceLeaf):
             if site_map.captured_s != self._checked_s:
                 self._checked_s = site_map.captured_s
                 recent = recent_obstacles(self.obstacles(), site_map)
-                clearance = ClearanceMap(site_map, recent, self._margins[self._begun])
+                margins = self._under_way if self._begun else self._margins
+                clearance = ClearanceMap(site_map, recent, margins)
                 is_open = clearance.is_open_to(*self._to)
                 self._obstruction = "" if is_open else _obstruction(clearance, self._to)
             if self._obstruction:
