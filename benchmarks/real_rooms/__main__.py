@@ -97,7 +97,7 @@ def score(folder: Path, picture: Path | None) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Print the scores; an input that cannot be used ends with one message."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=HERE, help="of photographs")
+    parser.add_argument("folder", nargs="?", type=Path, default=HERE, help="photos, floor.json")
     parser.add_argument("--picture", type=Path, help="WebP file of best, middle and worst view")
     given = parser.parse_args(arguments)
     try:
