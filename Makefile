@@ -1,5 +1,6 @@
 # make fly    fly a mission in the simulated lab; the first call also installs what it needs
 # make test   everything that must hold: style, types, tests
+# make results   fly and measure all that docs/results.md states: a day of two cores; it goes on where it stopped
 #
 # Choose with variables: make fly SCENE=test-a SEED=7, make PYTHON=/path/to/python3 test
 
@@ -18,7 +19,7 @@ export PYTHON
 BIN := $(VENV)/bin
 NEEDS := pyproject.toml constraints.txt tools/install.sh
 
-.PHONY: fly test lint format clean distclean
+.PHONY: fly test results lint format clean distclean
 
 fly: $(VENV)/.for-flying
 	@mkdir -p $(OUT)
@@ -35,6 +36,9 @@ test: $(VENV)/.for-developing
 	$(MAKE) --no-print-directory lint || failed=1; \
 	env -u PYTHONPATH $(BIN)/python -m pytest $(PYTEST_ARGS) || failed=1; \
 	exit $$failed
+
+results: $(VENV)/.for-developing
+	@$(BIN)/python -m benchmarks.results $(RESULTS_ARGS)
 
 lint: $(VENV)/.for-developing
 	@failed=0; \

@@ -17,7 +17,9 @@ CEILINGS = {
     "benchmarks": 1_608,
     "benchmarks/olympe_clients": 518,
     "benchmarks/olympe_faults": 39,
+    "benchmarks/real_rooms": 110,
     "benchmarks/referee": 316,
+    "benchmarks/results": 400,
     "benchmarks/rooms": 1_150,
     "examples": 217,
     "perception": 1,
@@ -34,9 +36,9 @@ CEILINGS = {
     "sim_bridge/olympe": 2_220,
     "sim_bridge/plain": 633,
     "sim_bridge/twin": 4_833,
-    "tests": 986,
+    "tests": 992,
     "tests/behaviours": 5_823,
-    "tests/benchmarks": 614,
+    "tests/benchmarks": 724,
     "tests/contracts": 1_088,
     "tests/docs": 815,
     "tests/perception": 7_654,
@@ -65,9 +67,11 @@ CEILINGS = {
 SLACK = 40  # a ceiling stands at most this far above its package
 BYTES_A_LINE = 43  # of all Python; sim_bridge had the shortest lines, and a third of it went
 DATA_ROWS = 3_500  # of tests/data: what a reader of the tests must read as well
-# Of text elsewhere that is neither Python nor Markdown: 234 are `states.yaml`, 900 missions.
-OTHER_ROWS = 3_636
+# Of text elsewhere that is neither Python nor Markdown: 900 are missions, 366 words and commands of
+# docs/results.md, 234 `states.yaml`.
+OTHER_ROWS = 4_015
 DRAWN_OR_LEARNED = {".onnx", ".safetensors", ".svg", ".png", ".jpg", ".webp"}
+MEASURED = Path("docs/results")  # lines of flights, which `make results` writes
 
 
 def rows(paths: list[Path]) -> int:
@@ -75,7 +79,9 @@ def rows(paths: list[Path]) -> int:
     return sum(
         lines(path)
         for path in paths
-        if path.suffix not in {".py", ".md", *DRAWN_OR_LEARNED} and path.parts[0] != "labs"
+        if path.suffix not in {".py", ".md", *DRAWN_OR_LEARNED}
+        and path.parts[0] != "labs"
+        and path.parent != MEASURED
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 from benchmarks.confidence import JudgedScale, fitted
 from benchmarks.lab_views import copy_lab, write_views
+from benchmarks.real_rooms import __main__ as real_rooms
 from benchmarks.segmentation import evaluate_segmentation, main, scenes_of
 from perception.camera.image_files import read_image
 from perception.depth.confidence import COEFFICIENTS
@@ -52,6 +54,40 @@ def test_the_command_scores_a_network_in_another_lab(
     assert (scores["images"], scores["lab"]) == (2, "depot")
     assert scores["class_iou"]["person"] is None
     assert 0.0 < scores["role_iou"]["ground"] < 1.0
+
+
+def test_the_network_any_sees_the_floor_of_real_rooms(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real_rooms.main(["--picture", str(tmp_path / "rooms.webp")])
+    *views, total = capsys.readouterr().out.splitlines()
+    found = re.fullmatch(r"total of 7 views: recall (0\.\d+), precision (0\.\d+)", total)
+    assert found is not None
+    assert len(views) == 7
+    # The floor of two views is called an obstacle.
+    assert float(found[1]) > 0.7
+    assert float(found[2]) > 0.8
+    picture = read_image(tmp_path / "rooms.webp", colour=True, as_stored=False)
+    assert picture.shape == (540, 1440, 3)
+
+
+@pytest.mark.parametrize(
+    ("marks", "picture", "message"),
+    [
+        ('{"a.jpg": {"line": [[0, 0.6], [1, 0.5]]}}', "p.webp", "a.jpg: no such file"),
+        ('{\n"a.jpg": {"line": [[0, 1], [0.5, 1]]}}', "p.webp", "floor.json:2: a.jpg: line"),
+        ('{"a.webp": {"line": [[0, 0.6], [1, 0.5]]}}', "a.webp", "a.webp: is an input"),
+    ],
+)
+def test_photographs_or_lines_that_cannot_be_used_are_named(
+    marks: str, picture: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "floor.json").write_text(marks)
+    (tmp_path / "a.webp").write_bytes(b"an image")
+    with pytest.raises(SystemExit) as ended:
+        real_rooms.main([str(tmp_path), "--picture", str(tmp_path / picture)])
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
 
 
 def test_a_drawn_lab_can_be_trained(tmp_path: Path) -> None:

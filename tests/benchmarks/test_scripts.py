@@ -21,7 +21,7 @@ from uav_bt.plugins import make_mark_finder
 
 SCRIPTS = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    for folder in ("", "rooms")
+    for folder in ("", "rooms", "real_rooms")
     for path in (ROOT / "benchmarks" / folder).glob("*.py")
     if not path.name.startswith("loopback")  # run by the Python that has Olympe
     and 'if __name__ == "__main__"' in path.read_text(encoding="utf-8")
