@@ -18,8 +18,8 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 
 # The vocabulary: the single-file modules of `uav_bt`, and the package `types`.
 VOCABULARY = """
-answers brief types classes clock compiled errors files inputs lab landing_marks
-option plugins progress protocols settings yaml_file
+answers types clock compiled errors files inputs lab landing_marks
+option plugins protocols settings yaml_file
 """
 FLOOR_ONE = {f"uav_bt.{name}" for name in VOCABULARY.split()}
 # The top floor composes everything: it may import all, and only the top floor may import it.

@@ -92,7 +92,7 @@ class Figures:
         return self._use(f"{of} contacts", count / hundreds, *ends, n=count)
 
     def measured(self, name: str, label: str, place: int = 0) -> Figure:
-        """Return a number beside a label that a measure printed, within the plan's tolerance."""
+        """Return a number beside the leftmost label of an output, within the plan's tolerance."""
         value = self._number(name, label, place)
         off = value * self.results.plan[name].get("tolerance", TOLERANCE)
         return self._use(f"{name}: {label.strip()} {place}", value, value - off, value + off)
@@ -114,7 +114,8 @@ class Figures:
         write_whole(self.results.folder / SUMMARY, "{\n" + ",\n".join(lines) + "\n}\n")
 
     def _number(self, name: str, label: str, place: int) -> float:
-        line = next((line for line in self.lines(name) if label in line), "")
+        places = ((line.index(label), line) for line in self.lines(name) if label in line)
+        line = min(places, default=(0, ""))[1]
         numbers = _NUMBER.findall(line.replace(label, ""))
         if place >= len(numbers):
             raise InputError(f"'{name}' printed no line with '{label}' and {place + 1} numbers")

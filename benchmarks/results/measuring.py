@@ -51,11 +51,11 @@ class Results:
     def origin(self, name: str) -> str:
         """Return command, commits, days and machines of an entry as text."""
         runs = [
-            (run["code"][:8], run["began"][:10], run["hardware"].partition(", Linux")[0])
+            (run["code"][:8], run["began"][:10], ", ".join(run["hardware"].split(", ")[:3]))
             for run in self.about(name)["runs"]
         ]
         found = [" and ".join(dict.fromkeys(each)) for each in zip(*runs, strict=True)]
-        return f"`{self.plan[name]['command']}` ({', '.join(found)})."
+        return f"`{self.plan[name]['command']}` ({', '.join(found)})"
 
     def measure(self, only: Sequence[str] = ()) -> list[str]:
         """Fly and measure what is not kept yet; return what is missing at the end, and why.

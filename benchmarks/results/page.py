@@ -11,7 +11,6 @@ from benchmarks.results.figures import Figures
 from uav_bt.files import parse_json
 
 PAGE: Final = Path("docs/results.md")
-_TEMPLATE: Final = Path(__file__).with_name("page.md.j2")
 
 
 def page_of(figures: Figures) -> str:
@@ -23,5 +22,5 @@ def page_of(figures: Figures) -> str:
         interval="{0.value:.{1}f} ({0.low:.{1}f} to {0.high:.{1}f})".format,
         loads=parse_json,
     )
-    template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
-    return template.render(of=figures, about=figures.results.origin) + "\n"
+    words = Path(__file__).with_name("page.md.j2").read_text(encoding="utf-8")
+    return environment.from_string(words).render(of=figures, about=figures.results.origin) + "\n"
