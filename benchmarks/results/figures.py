@@ -114,11 +114,12 @@ class Figures:
         write_whole(self.results.folder / SUMMARY, "{\n" + ",\n".join(lines) + "\n}\n")
 
     def _number(self, name: str, label: str, place: int) -> float:
-        places = ((line.index(label), line) for line in self.lines(name) if label in line)
+        places = ((line.find(label), line) for line in self.lines(name) if label in line)
         line = min(places, default=(0, ""))[1]
         numbers = _NUMBER.findall(line.replace(label, ""))
         if place >= len(numbers):
-            raise InputError(f"'{name}' printed no line with '{label}' and {place + 1} numbers")
+            missing = f"'{label}' and {place + 1} numbers: correct page.md.j2"
+            raise InputError(f"the command of '{name}' in plan.yaml prints no line with {missing}")
         return float(numbers[place].replace(",", ""))
 
     def _values(self, of: str, metric: str) -> list[float]:
