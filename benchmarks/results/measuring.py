@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import yaml
 
+from benchmarks.size import ROOT
 from uav_bt.app import provenance
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.store import FLIGHTS_FILE, METRICS, PLAN_FILE, key_of, read_flights
@@ -22,7 +23,6 @@ from uav_bt.files import parse_json, write_whole
 
 PRODUCT: Final = ("behaviours", "labs", "perception", "sim_bridge", "trees", "uav_bt")
 PLAN: Final = Path(__file__).with_name("plan.yaml")
-RUNS: Final = Path("runs/results")
 _FIELDS: Final = (
     *("tree", "scene", "seed", "outcome", "reason", "on_mark", *METRICS, "objects_total"),
     *("code", "began", "hardware"),  # of the run that flew it
@@ -90,7 +90,7 @@ class Results:
         write_whole(self._flights_file(name), text)
 
     def _fly(self, name: str) -> None:
-        about, work = self.about(name), RUNS / name
+        about, work = self.about(name), Path("runs/results") / name
         if about and len(self.flights(name)) == len(CampaignPlan.from_json(about["plan"])):
             return
         run_command(self.plan[name].get("prepare", "python -c ''"))
@@ -133,9 +133,9 @@ class Results:
 
 def product_commit(commit: str = "HEAD") -> str:
     """Return the last commit up to this one that changed what flies, not only pages or tests."""
-    if "+" in commit:  # it had changes
+    if "+" in commit:
         return commit
-    command = ["git", "log", "-1", "--format=%H", commit, "--", *PRODUCT]
+    command = ["git", "-C", str(ROOT), "log", "-1", "--format=%H", commit, "--", *PRODUCT]
     return subprocess.check_output(command, text=True).strip()  # noqa: S603
 
 
