@@ -8,7 +8,7 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -93,7 +93,7 @@ class Results:
         about, work = self.about(name), Path("runs/results") / name
         if about and len(self.flights(name)) == len(CampaignPlan.from_json(about["plan"])):
             return
-        run_command(self.plan[name].get("prepare", "python -c ''"))
+        run_command(self.plan[name].get("prepare", "python -c ''"), good={0})
         if about and not work.exists():  # another clone flew the first part
             work.mkdir(parents=True)
             write_whole(work / PLAN_FILE, json.dumps(about))
@@ -110,7 +110,7 @@ class Results:
             raise InputError(f"exit code {flying.returncode} of `{command}`")
 
     def _measure(self, name: str) -> None:
-        run_command(self.plan[name].get("prepare", "python -c ''"))
+        run_command(self.plan[name].get("prepare", "python -c ''"), good={0})
         about = {
             "code": product_commit(),
             "began": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -149,9 +149,9 @@ def words_of(command: str) -> list[str]:
     raise InputError("set OLYMPE_PYTHON to a Python that has Parrot's SDK")
 
 
-def run_command(command: str) -> str:
-    """Run a command of the plan and return what it printed."""
+def run_command(command: str, good: Container[int] = (0, 1)) -> str:
+    """Run a command of the plan and return what it printed; 1: a mission failed, a result."""
     done = subprocess.run(words_of(command), stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
-    if done.returncode not in {0, 1}:  # 1: a mission or a comparison failed, which is a result
+    if done.returncode not in good:
         raise InputError(f"exit code {done.returncode} of `{command}`")
     return done.stdout
