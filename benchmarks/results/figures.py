@@ -52,16 +52,17 @@ class Figures:
         flights = self.flights(of)
         return self._share(f"{of} landed", stats.successes(flights), len(flights))
 
-    def failures(self, of: str) -> str:
-        """Return how the others ended."""
-        ends = Counter(one["outcome"] for one in self.flights(of) if one["outcome"] != "success")
+    def failures(self, of: str, why: str = "") -> str:
+        """Return how the others ended, those whose reason has the text `why`."""
+        failed = (one for one in self.flights(of) if one["outcome"] != "success")
+        ends = Counter(one["outcome"] for one in failed if why in one.get("reason", ""))
         return ", ".join(f"{count} {end}" for end, count in ends.most_common()) or "no failure"
 
     def found(self, of: str) -> Figure:
         """Return how many of all objects the maps have."""
-        flights = [one for one in self.flights(of) if "objects_total" in one]
         names = ("objects_found", "objects_total")
-        return self._share(f"{of} objects", *(sum(int(one[n]) for one in flights) for n in names))
+        sums = [sum(int(one.get(name, 0)) for one in self.flights(of)) for name in names]
+        return self._share(f"{of} objects", *sums)
 
     def mean(self, of: str, metric: str) -> Figure:
         """Return the mean of a metric, in its unit in reports, with its bootstrap interval."""
