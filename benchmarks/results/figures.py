@@ -118,8 +118,7 @@ class Figures:
         line = min(places, default=(0, ""))[1]
         numbers = _NUMBER.findall(line.replace(label, ""))
         if place >= len(numbers):
-            missing = f"'{label}' and {place + 1} numbers: correct page.md.j2"
-            raise InputError(f"the command of '{name}' in plan.yaml prints no line with {missing}")
+            raise InputError(f"{name} of plan.yaml prints no {place + 1} numbers with '{label}'")
         return float(numbers[place].replace(",", ""))
 
     def _values(self, of: str, metric: str) -> list[float]:

@@ -8,12 +8,13 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
+from benchmarks.size import ROOT
 from uav_bt.app import provenance
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.store import FLIGHTS_FILE, METRICS, PLAN_FILE, key_of, read_flights
@@ -22,7 +23,6 @@ from uav_bt.files import parse_json, write_whole
 
 PRODUCT: Final = ("behaviours", "labs", "perception", "sim_bridge", "trees", "uav_bt")
 PLAN: Final = Path(__file__).with_name("plan.yaml")
-RUNS: Final = Path("runs/results")
 _FIELDS: Final = (
     *("tree", "scene", "seed", "outcome", "reason", "on_mark", *METRICS, "objects_total"),
     *("code", "began", "hardware"),  # of the run that flew it
@@ -90,10 +90,10 @@ class Results:
         write_whole(self._flights_file(name), text)
 
     def _fly(self, name: str) -> None:
-        about, work = self.about(name), RUNS / name
+        about, work = self.about(name), Path("runs/results") / name
         if about and len(self.flights(name)) == len(CampaignPlan.from_json(about["plan"])):
             return
-        run_command(self.plan[name].get("prepare", "python -c ''"))
+        run_command(self.plan[name].get("prepare", "python -c ''"), good={0})
         if about and not work.exists():  # another clone flew the first part
             work.mkdir(parents=True)
             write_whole(work / PLAN_FILE, json.dumps(about))
@@ -110,7 +110,7 @@ class Results:
             raise InputError(f"exit code {flying.returncode} of `{command}`")
 
     def _measure(self, name: str) -> None:
-        run_command(self.plan[name].get("prepare", "python -c ''"))
+        run_command(self.plan[name].get("prepare", "python -c ''"), good={0})
         about = {
             "code": product_commit(),
             "began": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -133,9 +133,9 @@ class Results:
 
 def product_commit(commit: str = "HEAD") -> str:
     """Return the last commit up to this one that changed what flies, not only pages or tests."""
-    if "+" in commit:  # it had changes
+    if "+" in commit:
         return commit
-    command = ["git", "log", "-1", "--format=%H", commit, "--", *PRODUCT]
+    command = ["git", "-C", str(ROOT), "log", "-1", "--format=%H", commit, "--", *PRODUCT]
     return subprocess.check_output(command, text=True).strip()  # noqa: S603
 
 
@@ -149,9 +149,9 @@ def words_of(command: str) -> list[str]:
     raise InputError("set OLYMPE_PYTHON to a Python that has Parrot's SDK")
 
 
-def run_command(command: str) -> str:
-    """Run a command of the plan and return what it printed."""
+def run_command(command: str, good: Container[int] = (0, 1)) -> str:
+    """Run a command of the plan and return what it printed; 1: a mission failed, a result."""
     done = subprocess.run(words_of(command), stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
-    if done.returncode not in {0, 1}:  # 1: a mission or a comparison failed, which is a result
+    if done.returncode not in good:
         raise InputError(f"exit code {done.returncode} of `{command}`")
     return done.stdout

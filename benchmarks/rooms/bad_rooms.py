@@ -65,7 +65,7 @@ def write_bad_room(case: str, folder: Path) -> Path:
     scene = {"objects": objects, "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
     if "mirror" in bad:
         scene = {"objects": _mirrored(objects), "take_off": {"from": [-1.6, 1.6], "yaw_deg": 0}}
-    path.parent.mkdir(parents=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
     cv2.imwrite(str(folder / "grey.png"), np.full((64, 64, 3), 143, np.uint8))
@@ -139,7 +139,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", nargs="+", default=CASES, choices=CASES, metavar="CASE")
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--out", type=Path, required=True, help="a new folder")
+    parser.add_argument("--out", type=Path, required=True, help="of the rooms")
     given = parser.parse_args()
     for case in given.cases:
         scene = write_bad_room(case, given.out / case.replace(" ", "-"))

@@ -83,7 +83,7 @@ class Furnisher:
     def write(self) -> Path:
         """Write the room, and return its scene with a landing mark."""
         path = self.folder / SCENES_FOLDER / f"{self.folder.name}.yaml"
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         size_m = [round(float(side), 2) for side in self.rng.uniform(*self.plan.sides_m, 2)]
         kinds = self._kinds()
         room = {
