@@ -90,7 +90,7 @@ def merge(known: Landmarks, seen: Landmarks, *, adds: bool = True) -> Landmarks:
 
 
 def find_free(known: Landmarks, view: View, on_legs: Flags) -> tuple[Flags, Flags]:
-    """Return which known points lie in a view and its range, and which of these show ground, (N,).
+    """Return which known points lie in a view, and at which of them it shows ground, (N,).
 
     The view is placed in the map's frame; `on_legs` has the classes that stand on legs.
     """

@@ -82,7 +82,7 @@ class RecentLayer:
         self.pass_over(self._newest_s)
 
     def forget_trails(self, until_s: float, trails_m: Floats) -> None:
-        """Drop bases on the trails of movers at a time at the latest.
+        """Let bases on the trails of movers expire at `until_s`, those that do so earlier excepted.
 
         `trails_m`: (K, 3) places in the dead-reckoned frame, and the radius around each, m.
         """

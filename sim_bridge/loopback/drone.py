@@ -42,7 +42,7 @@ class DroneSetup:
 
 
 class LoopbackDrone:
-    """One drone on the network: `start`, `wait`, `close`.
+    """Server of an ANAFI's protocols, which flies the twin: `start`, `wait`, `close`.
 
     Raises:
         MissingDependencyError: MuJoCo, OpenGL or the H.264 encoder does not work here.

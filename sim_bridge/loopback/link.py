@@ -36,7 +36,7 @@ _PING_S: Final = 2.0  # time between two pings, as the drone, s
 
 
 class FrameType(enum.IntEnum):
-    """Type of a frame."""
+    """Type of a message frame of ARNetwork."""
 
     ACK = 1
     DATA = 2

@@ -95,7 +95,7 @@ class ContactEstimation:
             self._fill_roof(roof, carriers.values())
 
     def complete(self, network_m: Floats32) -> None:
-        """Estimate the roofs of boxes whose base is out of sight, and the sides below them.
+        """Fill in the depth of roofs of boxes whose base is out of sight, and of the sides below.
 
         Args:
             network_m: (H, W) a network's metric depth.
