@@ -7,12 +7,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import scipy
 
-from benchmarks.results.measuring import Line, Results
+from benchmarks.results.measuring import Results
 from uav_bt.campaign.report import statistics as stats
 from uav_bt.errors import InputError
 from uav_bt.files import parse_json, read_bounded, write_whole
@@ -38,7 +38,7 @@ class Figures:
         self.results = results
         self.used: dict[str, Figure] = {}
 
-    def flights(self, of: str) -> Sequence[Line]:
+    def flights(self, of: str) -> Sequence[Mapping[str, Any]]:
         """Return the kept lines of flights."""
         campaign, _, tree = of.partition("/")
         flights = self.results.flights(campaign)
@@ -53,15 +53,15 @@ class Figures:
         return self._share(f"{of} landed", stats.successes(flights), len(flights))
 
     def failures(self, of: str, why: str = "") -> str:
-        """Return how the others ended, those whose reason has the text `why`."""
-        failed = (one for one in self.flights(of) if one["outcome"] != "success")
-        ends = Counter(one["outcome"] for one in failed if why in one.get("reason", ""))
+        """Return how others ended whose reason has the text `why`."""
+        flights = (one for one in self.flights(of) if why in one.get("reason", ""))
+        ends = Counter(one["outcome"] for one in flights if one["outcome"] != "success")
         return ", ".join(f"{count} {end}" for end, count in ends.most_common()) or "no failure"
 
     def found(self, of: str) -> Figure:
         """Return how many of all objects the maps have."""
         names = ("objects_found", "objects_total")
-        sums = [sum(int(one.get(name, 0)) for one in self.flights(of)) for name in names]
+        sums = (sum(int(one.get(name, 0)) for one in self.flights(of)) for name in names)
         return self._share(f"{of} objects", *sums)
 
     def mean(self, of: str, metric: str) -> Figure:

@@ -28,8 +28,6 @@ _FIELDS: Final = (
     *("code", "began", "hardware"),  # of the run that flew it
 )
 
-Line = Mapping[str, Any]
-
 
 class Results:
     """A folder of results: what each entry of the plan gave, with command, commit and machine."""
@@ -44,7 +42,7 @@ class Results:
         about: dict[str, Any] = parse_json(file.read_bytes()) if file.is_file() else {}
         return about if about.get("command") == self.plan[name]["command"] else {}
 
-    def flights(self, name: str) -> tuple[Line, ...]:
+    def flights(self, name: str) -> tuple[Mapping[str, Any], ...]:
         """Return the kept flights of a campaign."""
         return read_flights(self._flights_file(name)) if self.about(name) else ()
 
