@@ -56,10 +56,7 @@ class Results:
         return f"`{self.plan[name]['command']}` ({', '.join(found)})"
 
     def measure(self, only: Sequence[str] = ()) -> list[str]:
-        """Fly and measure what is not kept yet; return what is missing at the end, and why.
-
-        What `only` names is measured again, unless it is a campaign.
-        """
+        """Fly and measure what is not kept yet, or `only` these; return what failed, and why."""
         for name in only:
             if name not in self.plan:
                 raise UnknownNameError("entry of the plan", name, self.plan)
@@ -78,7 +75,9 @@ class Results:
         """Keep what the page needs of a campaign's flights; the kept lines stay as they are."""
         campaign = parse_json((work / PLAN_FILE).read_bytes())
         for run in campaign["runs"]:
-            run["code"] = product_commit(run["code"])
+            run |= {"code": product_commit(run["code"]), "machine": ""}
+        for scene in campaign["plan"]["scenes"]:
+            scene["path"] = ""  # on this machine
         kept = {key_of(line): line for line in self.flights(name)}
         for line in read_flights(work / FLIGHTS_FILE):
             flown = {**line, **campaign["runs"][-1]}
