@@ -115,8 +115,8 @@ class Figures:
         write_whole(self.results.folder / SUMMARY, "{\n" + ",\n".join(lines) + "\n}\n")
 
     def _number(self, name: str, label: str, place: int) -> float:
-        places = ((line.find(label), line) for line in self.lines(name) if label in line)
-        line = min(places, default=(0, ""))[1]
+        lines = [line for line in self.lines(name) if label in line]
+        line = min(lines, key=lambda line: line.find(label), default="")
         numbers = _NUMBER.findall(line.replace(label, ""))
         if place >= len(numbers):
             raise InputError(f"{name} of plan.yaml prints no {place + 1} numbers with '{label}'")
