@@ -15,7 +15,8 @@ import scipy
 from benchmarks.results.measuring import Results
 from uav_bt.campaign.report import statistics as stats
 from uav_bt.errors import InputError
-from uav_bt.files import parse_json, read_bounded, write_whole
+from uav_bt.files import write_whole
+from uav_bt.yaml_file import read_yaml
 
 SUMMARY: Final = "summary.json"
 TOLERANCE: Final = 0.05  # relative, of a measure whose entry states none
@@ -138,7 +139,8 @@ class Figures:
 
 def read_summary(folder: Path) -> dict[str, Figure]:
     """Return the figures that a folder of results keeps."""
-    content = parse_json(read_bounded(folder / SUMMARY, 10_000_000))
+    form = dict[str, tuple[float, float | None, float | None, int]]
+    content = read_yaml(folder / SUMMARY, form, "summary of figures").value
     return {name: Figure(*figure) for name, figure in content.items()}
 
 
