@@ -188,7 +188,11 @@ class MissionRunner:
             slow=self.budgets.take(),
             refused=refused,
             decided=decided,
-            warnings=(*self._hold.watch.warnings, *self._contingencies.map.warnings),
+            warnings=(
+                *self._screening.warnings,
+                *self._hold.watch.warnings,
+                *self._contingencies.map.warnings,
+            ),
             events=self._context.notes.take(),
         )
 

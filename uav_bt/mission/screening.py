@@ -1,7 +1,7 @@
 """Drops impossible measurements: the mission sees the last plausible ones, with their times.
 
 The rules about old telemetry and old frames (`uav_bt.mission.safety`) therefore treat an impossible
-measurement as a missing one.
+measurement as a missing one. Nothing is steered by battery and link: their shares become unknown.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ class Screening:
         self._newest: tuple[int, float] | None = None  # index and time of the last frame judged
         self.state_fault: str | None = None  # why the newest telemetry was refused
         self.frame_fault: str | None = None  # why the newest frame was refused
+        self.warnings: tuple[str, ...] = ()  # shares that cannot be, while they are reported
 
     @property
     def refused(self) -> tuple[str, ...]:
@@ -59,6 +60,12 @@ class Screening:
 
     def _usable_state(self, state: DroneState, now_s: float) -> DroneState:
         self.state_fault = next(_state_faults(state, self._state, now_s), None)
+        shares = (("battery", state.battery), ("link", state.link))
+        self.warnings = tuple(
+            f"the {name} is reported as {share:g}: taken for unknown"
+            for name, share in shares
+            if share is not None and not share <= 1.0
+        )
         if self.state_fault is None:
             self._state = replace(state, battery=_known(state.battery), link=_known(state.link))
             return self._state
@@ -96,8 +103,6 @@ def _state_faults(state: DroneState, good: DroneState | None, now_s: float) -> I
             ("speed", velocity.forward_mps, _SPEED_MPS),
             ("speed", velocity.right_mps, _SPEED_MPS),
             ("vertical speed", velocity.down_mps, _SPEED_MPS),
-            ("battery", state.battery or 0.0, 1.0),
-            ("link", state.link or 0.0, 1.0),
         ]
     )
     if good is not None:
@@ -132,5 +137,5 @@ def _impossible(bounds: list[_Bound]) -> Iterator[str]:
 
 
 def _known(share: float | None) -> float | None:
-    """Return a share from 0 to 1; None for a negative one, by which autopilots say unknown."""
-    return None if share is not None and share < 0.0 else share
+    """Return a share from 0 to 1, else None; by a negative one autopilots say unknown."""
+    return share if share is not None and 0.0 <= share <= 1.0 else None

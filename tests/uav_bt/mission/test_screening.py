@@ -70,12 +70,19 @@ def test_without_any_good_telemetry_it_is_infinitely_old() -> None:
     assert seen.frame is None
 
 
-@pytest.mark.parametrize("unknown", [None, -0.01, -1.0])
-def test_an_unknown_battery_is_no_fault(unknown: float | None) -> None:
+@pytest.mark.parametrize("unknown", [None, -0.01, -1.0, math.nan, 1.5])
+def test_a_battery_or_link_that_cannot_be_is_unknown(unknown: float | None) -> None:
+    """Nothing is steered by them: the rest of the telemetry is used, and a warning names them."""
     screening = Screening(CAMERA)
-    seen = screening.usable(observed(replace(STATE, battery=unknown, link=unknown)), 1.0).state
-    assert screening.state_fault is None
-    assert (seen.battery, seen.link) == (None, None)
+    reported = replace(STATE, captured_s=1.1, battery=unknown, link=unknown)
+    seen = screening.usable(observed(reported), 1.1).state
+    assert screening.refused == ()
+    assert (seen.battery, seen.link, seen.captured_s) == (None, None, 1.1)
+    warned = unknown is not None and not unknown <= 1.0
+    assert len(screening.warnings) == 2 * warned
+    assert all("taken for unknown" in warning for warning in screening.warnings)
+    screening.usable(observed(STATE, index=1), 1.1)
+    assert screening.warnings == ()
 
 
 @pytest.mark.parametrize(
