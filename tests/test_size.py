@@ -54,7 +54,7 @@ CEILINGS = {
     "uav_bt/campaign": 2_324,
     "uav_bt/cli": 3_135,
     "uav_bt/display": 2_124,
-    "uav_bt/groot": 569,
+    "uav_bt/groot": 570,
     "uav_bt/lab": 1_331,
     "uav_bt/learning": 2_283,
     "uav_bt/lsp": 392,

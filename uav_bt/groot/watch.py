@@ -152,8 +152,9 @@ _LOG: Final = logging.getLogger(__name__)
 DEFAULT_PORT: Final = 1667  # of Groot2
 _HOST: Final = "127.0.0.1"
 _MAX_FRAME_BYTES: Final = 65_536  # size limit of a request; a longer one ends the connection
-# Queue of requests and answers per client; Groot2 has one at a time. Further ones are dropped.
-_MAX_WAITING: Final = 8
+# Queue of requests and answers per client; further ones are dropped. Groot2 has one at a time, but
+# ZeroMQ may count sent answers as waiting for 1 ms more: a queue of 8 lost some on a busy machine.
+_MAX_WAITING: Final = 100
 _WAIT_MS: Final = 100  # for a request, before the thread looks whether it shall stop
 
 
