@@ -1,6 +1,6 @@
 # make fly    fly a mission in the simulated lab; the first call also installs what it needs
 # make test   everything that must hold: style, types, tests
-# make results   fly and measure all that docs/results.md states, for hours; it goes on where it stopped
+# make results   fly and measure all of docs/results.md in five hours; it goes on where it stopped
 #
 # Choose with variables: make fly SCENE=test-a SEED=7, make PYTHON=/path/to/python3 test
 
