@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from benchmarks.results import __main__ as command
-from benchmarks.results.figures import Figure, Figures, differences
+from benchmarks.results.figures import Figure, Figures, differences, read_summary
 from benchmarks.results.measuring import Results
+from benchmarks.results.page import PAGE, page_of
 from uav_bt.errors import InputError
 
+ROOT = Path(__file__).parents[2]
 PLAN = """\
 hover:
   command: uav-bt campaign hover_and_look --drone plain --scenes val-a --flights 2 --seed-from 5
@@ -46,6 +48,12 @@ def test_results_go_on_in_another_clone(tmp_path: Path, monkeypatch: pytest.Monk
     assert differences(*whole) == []
     kept = results.flights("hover")
     assert kept[0] == Results(clones[0] / "kept", plan).flights("hover")[0]
+
+
+def test_the_page_is_that_of_the_kept_results() -> None:
+    figures = Figures(Results(ROOT / command.KEPT))
+    assert page_of(figures) == (ROOT / PAGE).read_text(encoding="utf-8")
+    assert figures.used == read_summary(ROOT / command.KEPT)
 
 
 def test_what_does_not_reproduce_is_named() -> None:
