@@ -85,11 +85,11 @@ def finish(program: subprocess.Popen[str], entered: str = "") -> str:
 
 
 def prints(program: subprocess.Popen[str], line: str) -> None:
-    """Wait for a line; it may follow a line of the SDK's log that has no end yet."""
+    """Wait for a line between those of the SDK's log."""
     assert program.stdout is not None
     patience = threading.Timer(PATIENCE_S, program.kill)
     patience.start()
-    printed = any(found.rstrip().endswith(line) for found in program.stdout)
+    printed = any(found.strip() == line for found in program.stdout)
     patience.cancel()
     assert printed
 
