@@ -16,7 +16,7 @@ CEILINGS = {
     "behaviours/policies": 619,
     "benchmarks": 1_608,
     "benchmarks/olympe_clients": 518,
-    "benchmarks/olympe_faults": 39,
+    "benchmarks/olympe_faults": 47,
     "benchmarks/real_rooms": 110,
     "benchmarks/referee": 316,
     "benchmarks/results": 400,
